@@ -1,0 +1,42 @@
+//! Why a bake did not come to its end.
+
+/// `Display` is one line: what is wrong and what to do.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Error {
+    /// Embree is missing or refused.
+    Embree(lunette_ffi::Error),
+    /// An option is out of its range.
+    Option {
+        /// Its name on the command line.
+        name: &'static str,
+        /// The value and the range.
+        what: String,
+    },
+    /// There is nothing to bake.
+    EmptyScene,
+    /// The threads could not be started.
+    Threads(String),
+    /// [`crate::Progress::cancelled`] said so.
+    Cancelled,
+}
+
+impl std::fmt::Display for Error {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Error::Embree(e) => e.fmt(f),
+            Error::Option { name, what } => write!(f, "--{name}: {what}"),
+            Error::EmptyScene => write!(f, "the scene has no triangle; give one that has"),
+            Error::Threads(why) => write!(f, "cannot start threads ({why}); try a smaller --threads"),
+            Error::Cancelled => write!(f, "stopped before the end; nothing was written"),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+impl From<lunette_ffi::Error> for Error {
+    fn from(e: lunette_ffi::Error) -> Self {
+        Error::Embree(e)
+    }
+}

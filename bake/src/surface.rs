@@ -1,0 +1,164 @@
+//! The scene as the estimators see it: Embree's tree, where rays start, and what they hit.
+//!
+//! Rays of a vertex start a hair above the surface. On a border or crease the vertex lies in the plane of the
+//! surface beyond (the floor's corner in the wall), where a ray could slip behind that surface, so that the
+//! origin is also moved a hair towards the middle of the vertex's own triangles, within their tangent plane.
+//! Inside a closed fan it stays over the vertex. Where it breaks: walls thinner than the two hairs, 1e-5 of the
+//! scene's diagonal and 1e-3 of the edges.
+
+use glam::Vec3;
+use lunette_ffi as ffi;
+use lunette_scenes::{Mesh, Scene};
+
+use crate::Error;
+
+/// Height of a ray's origin over the surface, as a share of the scene's diagonal: ten times the rounding of
+/// single floats at the far end of the scene.
+const LIFT: f32 = 1e-5;
+
+/// Move of a ray's origin away from a border, as a share of the mean edge there.
+const INSET: f32 = 1e-3;
+
+/// A scene ready for tracing. Triangle numbers are those of the mesh.
+pub struct Surface<'a> {
+    /// The tree.
+    pub tree: ffi::Scene,
+    /// The mesh.
+    pub mesh: &'a Mesh,
+    /// Diffuse reflectance of each triangle.
+    pub albedo: Vec<Vec3>,
+    /// Longest edge of each triangle, metres.
+    pub longest_edge: Vec<f32>,
+    /// Where the rays of each vertex start.
+    pub origin: Vec<Vec3>,
+    /// Height of origins over the surface, metres.
+    pub lift: f32,
+}
+
+impl<'a> Surface<'a> {
+    /// Builds the tree and the origins.
+    ///
+    /// # Errors
+    /// When Embree is missing or refuses the mesh.
+    pub fn new(scene: &'a Scene) -> Result<Surface<'a>, Error> {
+        let mesh = &scene.mesh;
+        let device = ffi::Device::new()?;
+        let mut builder = ffi::SceneBuilder::new(&device)?;
+        let positions: Vec<[f32; 3]> = mesh.position.iter().map(|p| p.to_array()).collect();
+        builder.add_triangles(&positions, &mesh.index)?;
+        let (low, high) = mesh.bounds();
+        let lift = LIFT * (high - low).length();
+        Ok(Surface {
+            tree: builder.commit()?,
+            mesh,
+            albedo: mesh.material.iter().map(|&m| scene.materials[m as usize].albedo).collect(),
+            longest_edge: mesh.index.iter().map(|t| longest_edge(mesh, t)).collect(),
+            origin: origins(mesh, lift),
+            lift,
+        })
+    }
+
+    /// The three corners of a triangle.
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.mesh.index[triangle as usize].map(|v| self.mesh.position[v as usize])
+    }
+}
+
+fn longest_edge(mesh: &Mesh, triangle: &[u32; 3]) -> f32 {
+    let [a, b, c] = triangle.map(|v| mesh.position[v as usize]);
+    (b - a).length().max((c - b).length()).max((a - c).length())
+}
+
+fn origins(mesh: &Mesh, lift: f32) -> Vec<Vec3> {
+    let fans = Fans::new(mesh);
+    (0..mesh.position.len())
+        .map(|v| {
+            let (p, n) = (mesh.position[v], mesh.normal[v]);
+            p + fans.inset(v, n, lift) + lift * n
+        })
+        .collect()
+}
+
+/// For each vertex, what its triangles say about it: the sum of the unit vectors along its border edges tells a
+/// closed fan (none) from an open one.
+struct Fans {
+    /// Sum of unit directions to the middles of the vertex's triangles.
+    inwards: Vec<Vec3>,
+    /// Sum of edge lengths and their number.
+    edges: Vec<(f32, u32)>,
+    /// Sum over triangles of (next - previous) as vertex numbers: zero for a closed fan.
+    boundary: Vec<i64>,
+}
+
+impl Fans {
+    fn new(mesh: &Mesh) -> Fans {
+        let n = mesh.position.len();
+        let mut fans = Fans { inwards: vec![Vec3::ZERO; n], edges: vec![(0.0, 0); n], boundary: vec![0; n] };
+        for triangle in &mesh.index {
+            let p = triangle.map(|v| mesh.position[v as usize]);
+            let middle = (p[0] + p[1] + p[2]) / 3.0;
+            for i in 0..3 {
+                let (v, next, previous) =
+                    (triangle[i] as usize, triangle[(i + 1) % 3], triangle[(i + 2) % 3]);
+                fans.inwards[v] += (middle - p[i]).normalize_or_zero();
+                fans.edges[v].0 += (p[(i + 1) % 3] - p[i]).length() + (p[(i + 2) % 3] - p[i]).length();
+                fans.edges[v].1 += 2;
+                // Around a closed fan every neighbour is next once and previous once. The mixing keeps sums of
+                // open fans from cancelling by accident.
+                let mix = |w: u32| (u64::from(w) + 1).wrapping_mul(0x9e3779b97f4a7c15) as i64 >> 8;
+                fans.boundary[v] = fans.boundary[v].wrapping_add(mix(next)).wrapping_sub(mix(previous));
+            }
+        }
+        fans
+    }
+
+    /// The move into an open fan, within the tangent plane.
+    fn inset(&self, v: usize, normal: Vec3, lift: f32) -> Vec3 {
+        if self.boundary[v] == 0 {
+            return Vec3::ZERO;
+        }
+        let tangent = self.inwards[v].reject_from_normalized(normal).normalize_or_zero();
+        let edge = self.edges[v].0 / self.edges[v].1.max(1) as f32;
+        tangent * (INSET * edge).max(2.0 * lift).min(0.1 * edge)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn corner_of_floor_and_wall() -> Mesh {
+        // Floor z 0..1, wall in the plane z = 0, both meeting in the edge y = z = 0, vertices split there.
+        let position =
+            [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1], [0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]];
+        Mesh {
+            position: position.map(|p: [i32; 3]| Vec3::new(p[0] as f32, p[1] as f32, p[2] as f32)).to_vec(),
+            normal: [vec![Vec3::Y; 4], vec![Vec3::Z; 4]].concat(),
+            index: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]],
+            material: vec![0; 4],
+            group: vec![0; 4],
+        }
+    }
+
+    #[test]
+    fn origins_in_a_corner_lie_in_front_of_both_planes() {
+        let mesh = corner_of_floor_and_wall();
+        for origin in origins(&mesh, 1e-5) {
+            assert!(origin.y > 0.0 && origin.z > 0.0, "{origin}");
+        }
+    }
+
+    #[test]
+    fn origins_inside_a_closed_fan_stay_over_their_vertex() {
+        let ring = (0..6).map(|i| Vec3::new((i as f32).cos(), 0.0, (i as f32).sin()));
+        let mesh = Mesh {
+            position: std::iter::once(Vec3::ZERO).chain(ring).collect(),
+            normal: vec![Vec3::Y; 7],
+            index: (0..6).map(|i| [0, (i + 1) % 6 + 1, i + 1]).collect(),
+            material: vec![0; 6],
+            group: vec![0; 6],
+        };
+        assert_eq!(origins(&mesh, 1e-5)[0], Vec3::new(0.0, 1e-5, 0.0));
+        assert!(origins(&mesh, 1e-5)[1].x < 1.0);
+    }
+}

@@ -1,0 +1,232 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+/// Bake how a static scene answers to light once, then relight it with dot products.
+#[derive(Parser)]
+#[command(name = "lunette", version, max_term_width = 100)]
+pub struct Arguments {
+    /// Say nothing but results and errors.
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Subcommand)]
+pub enum Command {
+    /// Bake and relight built-in scenes, with pictures and a short report
+    Demo(Demo),
+    /// Write a built-in scene as .obj, or list them
+    Scene(Scene),
+    /// Bake a scene's transfer into one file
+    Bake(Bake),
+    /// Light a baked scene: a picture, or irradiance per vertex
+    Relight(Relight),
+    /// Path-trace the reference: a picture, or irradiance per vertex
+    Render(Render),
+    /// Hold methods against the reference: error, bytes, seconds, and a picture of each error
+    Compare(Compare),
+    /// Say what is in a baked file
+    Info(Info),
+}
+
+/// `lunette demo`
+#[derive(Args)]
+pub struct Demo {
+    /// Folder for pictures and report
+    #[arg(default_value = "lunette-demo")]
+    pub folder: PathBuf,
+    /// Threads; 0 takes all cores
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+}
+
+/// `lunette scene`
+#[derive(Args)]
+pub struct Scene {
+    /// NAME or NAME:key=value,...
+    #[arg(required_unless_present = "list")]
+    pub name: Option<String>,
+    /// The .obj file; its .mtl is written beside it
+    #[arg(short, long, required_unless_present = "list")]
+    pub output: Option<PathBuf>,
+    /// List the built-in scenes and their parameters
+    #[arg(long)]
+    pub list: bool,
+}
+
+/// How a scene is read.
+#[derive(Args)]
+pub struct SceneOptions {
+    /// Axis that points up in the file: y or z (terrains know)
+    #[arg(long, default_value = "y", value_parser = ["y", "z"])]
+    pub up: String,
+    /// Metres per unit of the file
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+    pub scale: f32,
+    /// Factor on the heights of a terrain
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+    pub vertical_scale: f32,
+    /// Normals are built smooth across edges flatter than this, in degrees
+    #[arg(long, default_value_t = 40.0, allow_negative_numbers = true)]
+    pub crease_angle: f32,
+    /// Split triangles until no edge is longer than this, metres
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    pub subdivide: Option<f32>,
+}
+
+/// How much work goes into a bake.
+#[derive(Args)]
+pub struct Effort {
+    /// SH bands of direct light, 1 to 10
+    #[arg(long, default_value_t = 5)]
+    pub order: usize,
+    /// SH bands of bounced light, 1 to 10 [default: as --order]
+    #[arg(long)]
+    pub indirect_order: Option<usize>,
+    /// Rays per vertex, 16 to 65536
+    #[arg(long, default_value_t = 1024)]
+    pub rays: usize,
+    /// How often light bounces, 0 to 1000
+    #[arg(long, default_value_t = 2)]
+    pub bounces: usize,
+    /// Seed of every random choice
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Threads; 0 takes all cores
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+}
+
+/// `lunette bake`
+#[derive(Args)]
+pub struct Bake {
+    /// .obj, .ply, a terrain (.asc .dem .hgt .png .tif), or the name of a built-in scene
+    pub scene: String,
+    /// The baked file [default: the scene's name with .safetensors]
+    #[arg(short, long)]
+    pub output: Option<PathBuf>,
+    /// What to store, of bent, aperture, sh
+    #[arg(long, value_delimiter = ',', default_value = "bent,aperture,sh")]
+    pub basis: Vec<String>,
+    #[command(flatten)]
+    pub effort: Effort,
+    #[command(flatten)]
+    pub read: SceneOptions,
+}
+
+/// What shines.
+#[derive(Args)]
+pub struct LightOptions {
+    /// uniform[:r,g,b], cie-overcast[:Lz], cap:x,y,z,radius,radiance, sky:azimuth,elevation[,turbidity],
+    /// point:..., spot:..., an .exr or .hdr picture; several joined by ' + '
+    #[arg(long, value_name = "SPEC", required_unless_present = "day", allow_hyphen_values = true)]
+    pub light: Option<String>,
+    /// Turn the light about the vertical, degrees clockwise seen from above
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    pub turn: f32,
+    /// A date, 2026-06-21: one frame per step through its 24 hours under the sun and sky of --at
+    #[arg(long, value_name = "DATE", requires = "at")]
+    pub day: Option<String>,
+    /// Latitude and longitude, degrees, north and east positive
+    #[arg(long, value_name = "LAT,LON", requires = "day", allow_hyphen_values = true)]
+    pub at: Option<String>,
+    /// Frames of a day
+    #[arg(long, default_value_t = 24)]
+    pub frames: usize,
+    /// Haze of a day's sky, 1 (clear) to 10
+    #[arg(long, default_value_t = 3.0)]
+    pub turbidity: f32,
+}
+
+/// What a picture looks like.
+#[derive(Args)]
+pub struct PictureOptions {
+    /// eye;target;fov as x,y,z;x,y,z;degrees [default: frames the scene]
+    #[arg(long, value_name = "EYE;TARGET;FOV", allow_hyphen_values = true)]
+    pub camera: Option<String>,
+    /// Picture size in pixels
+    #[arg(long, value_name = "WxH", default_value = "960x600")]
+    pub size: String,
+    /// Stops: radiance times 2^EV [default: from the picture]
+    #[arg(long, value_name = "EV", allow_negative_numbers = true)]
+    pub exposure: Option<f32>,
+}
+
+/// `lunette relight`
+#[derive(Args)]
+pub struct Relight {
+    /// A baked file
+    pub file: PathBuf,
+    #[command(flatten)]
+    pub light: LightOptions,
+    /// .png or .exr: a picture; .safetensors or .ply: irradiance per vertex; %02d counts the frames of a day
+    #[arg(short, long, default_value = "relit.png")]
+    pub output: PathBuf,
+    /// bent, aperture, aperture-smooth, sh, or shN for N bands; -lanczos after sh damps ringing
+    /// [default: sh where baked, else aperture, else bent]
+    #[arg(long)]
+    pub method: Option<String>,
+    #[command(flatten)]
+    pub picture: PictureOptions,
+}
+
+/// `lunette render`
+#[derive(Args)]
+pub struct Render {
+    /// A scene, as for bake
+    pub scene: String,
+    #[command(flatten)]
+    pub light: LightOptions,
+    /// .png or .exr: a picture; .safetensors or .ply: irradiance per vertex
+    #[arg(short, long, default_value = "reference.png")]
+    pub output: PathBuf,
+    /// Paths per pixel or vertex
+    #[arg(long, default_value_t = 256)]
+    pub samples: u32,
+    /// How often light bounces
+    #[arg(long, default_value_t = 8)]
+    pub bounces: u32,
+    /// Seed
+    #[arg(long, default_value_t = 1)]
+    pub seed: u32,
+    #[command(flatten)]
+    pub picture: PictureOptions,
+    #[command(flatten)]
+    pub read: SceneOptions,
+}
+
+/// `lunette compare`
+#[derive(Args)]
+pub struct Compare {
+    /// A scene, as for bake
+    pub scene: String,
+    #[command(flatten)]
+    pub light: LightOptions,
+    /// Methods as for relight, comma-separated
+    #[arg(long, value_delimiter = ',', default_value = "bent,aperture,sh3,sh5,sh10")]
+    pub methods: Vec<String>,
+    /// Folder for the table and the pictures
+    #[arg(short, long, default_value = "compare")]
+    pub output: PathBuf,
+    /// Paths per vertex of the reference
+    #[arg(long, default_value_t = 1024)]
+    pub samples: u32,
+    #[command(flatten)]
+    pub effort: Effort,
+    #[command(flatten)]
+    pub picture: PictureOptions,
+    #[command(flatten)]
+    pub read: SceneOptions,
+}
+
+/// `lunette info`
+#[derive(Args)]
+pub struct Info {
+    /// A baked file
+    pub file: PathBuf,
+}

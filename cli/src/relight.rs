@@ -1,0 +1,160 @@
+//! `lunette relight`
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::{Context, Result, anyhow, bail};
+use glam::Vec3;
+use lunette_relight::aperture::Intersection;
+use lunette_relight::asset::Asset;
+use lunette_relight::frame::{Frame, Method};
+use lunette_relight::light::{Light, Window};
+use lunette_render::{Exposure, Visibility, auto_exposure};
+
+use crate::args;
+use crate::output::{self, Lit};
+use crate::progress::say;
+use crate::{light, stage};
+
+/// `lunette relight`
+pub fn run(arguments: &args::Relight) -> Result<()> {
+    let kind = output::kind(&arguments.output)?;
+    output::check_folder(&arguments.output)?;
+    let bytes = map(&arguments.file)?;
+    let asset = open(&arguments.file, &bytes)?;
+    let method = match &arguments.method {
+        Some(name) => method(name)?,
+        None => best_method(&asset),
+    };
+    let mut frame = Frame::new(&asset, method).map_err(|e| anyhow!("{}: {e}", arguments.file.display()))?;
+    let lights = light::frames(&arguments.light, bounds(&asset))?;
+    let mut exposure = stage::exposure(&arguments.picture)?;
+    let surface = stage::surface(&asset);
+    let visibility =
+        if kind.is_picture() { Some(stage::visibility(&arguments.picture, surface)?) } else { None };
+    for (i, (label, light)) in lights.iter().enumerate() {
+        let path = output::frame_path(&arguments.output, i, lights.len())?;
+        let started = Instant::now();
+        frame.project(light);
+        let (direct, indirect) = evaluate(&frame, asset.n_vertices());
+        let milliseconds = started.elapsed().as_secs_f64() * 1e3;
+        match &visibility {
+            None => {
+                output::vertices(&path, &asset, &Lit { direct: &direct, indirect: &indirect, error: None })?
+            }
+            Some(visibility) => {
+                let total = sum(&direct, &indirect);
+                warn_of_ringing(&total);
+                let image = stage::shade(visibility, &surface, &total, light)?;
+                if lights.len() > 1 && exposure == Exposure::Auto {
+                    exposure = Exposure::Stops(day_exposure(&mut frame, &lights, &asset, visibility)?);
+                }
+                output::picture(&path, &image, exposure)?;
+            }
+        }
+        let label = if label.is_empty() { String::new() } else { format!(", {label}") };
+        println!("{}: relit {} vertices in {milliseconds:.2} ms{label}", path.display(), asset.n_vertices());
+    }
+    Ok(())
+}
+
+/// One exposure for all frames of a day: that of its middle frame, noon.
+fn day_exposure(
+    frame: &mut Frame,
+    lights: &[(String, Light)],
+    asset: &Asset,
+    visibility: &Visibility,
+) -> Result<f32> {
+    let (_, noon) = &lights[lights.len() / 2];
+    frame.project(noon);
+    let (direct, indirect) = evaluate(frame, asset.n_vertices());
+    Ok(auto_exposure(&stage::shade(visibility, &stage::surface(asset), &sum(&direct, &indirect), noon)?))
+}
+
+/// Direct and bounced irradiance of every vertex.
+pub fn evaluate(frame: &Frame, n_vertices: usize) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
+    use rayon::prelude::*;
+    let (mut direct, mut indirect) = (vec![[0.0; 3]; n_vertices], vec![[0.0; 3]; n_vertices]);
+    let task = 8192;
+    direct.par_chunks_mut(task).enumerate().for_each(|(i, out)| frame.direct(i * task, out));
+    indirect.par_chunks_mut(task).enumerate().for_each(|(i, out)| frame.add_indirect(i * task, out));
+    (direct, indirect)
+}
+
+/// Both together.
+pub fn sum(direct: &[[f32; 3]], indirect: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    direct.iter().zip(indirect).map(|(d, i)| [d[0] + i[0], d[1] + i[1], d[2] + i[2]]).collect()
+}
+
+/// Negative light is a sign of too few bands for the light.
+fn warn_of_ringing(irradiance: &[[f32; 3]]) {
+    let sum = |sign: f32| irradiance.iter().flatten().map(|e| (e * sign).max(0.0) as f64).sum::<f64>();
+    let share = sum(-1.0) / sum(1.0).max(f64::MIN_POSITIVE);
+    if share > 0.01 {
+        say(&format!(
+            "{:.1} % of the light is negative: SH of this order rings under so small a light; use aperture, a window (sh-lanczos), or more bands",
+            share * 100.0
+        ));
+    }
+}
+
+/// The method that a name means.
+pub fn method(name: &str) -> Result<Method> {
+    let (base, window) = match name.strip_suffix("-lanczos") {
+        Some(base) => (base, Some(Window::Lanczos { strength: 1.0 })),
+        None => (name, None),
+    };
+    match (base, window) {
+        ("bent", None) => return Ok(Method::Bent),
+        ("aperture", None) => return Ok(Method::Aperture(Intersection::Exact)),
+        ("aperture-smooth", None) => return Ok(Method::Aperture(Intersection::Smoothstep)),
+        _ => {}
+    }
+    let order = match base.strip_prefix("sh") {
+        Some("") => Some(10),
+        Some(digits) => digits.parse().ok().filter(|n| (1..=10).contains(n)),
+        None => None,
+    };
+    match order {
+        Some(order) => Ok(Method::Sh { order, window }),
+        None => bail!(
+            "there is no method '{name}'; there are bent, aperture, aperture-smooth, sh, sh1 to sh10, and -lanczos after sh"
+        ),
+    }
+}
+
+fn best_method(asset: &Asset) -> Method {
+    let has = |name| asset.tensor(name).is_some();
+    if has("sky.direct.sh") {
+        Method::default()
+    } else if has("sky.aperture") {
+        Method::Aperture(Intersection::Exact)
+    } else {
+        Method::Bent
+    }
+}
+
+/// The file's bytes, mapped.
+pub fn map(path: &Path) -> Result<memmap2::Mmap> {
+    let file = std::fs::File::open(path).with_context(|| path.display().to_string())?;
+    let mapped = map_file(&file);
+    mapped.with_context(|| format!("{}: cannot be read", path.display()))
+}
+
+#[allow(unsafe_code, reason = "mapping a file is unsafe by nature")]
+fn map_file(file: &std::fs::File) -> std::io::Result<memmap2::Mmap> {
+    // SAFETY: the mapping is read-only. Lunette replaces files by renaming, never by writing into them, so that the
+    // bytes under the mapping stay as they are unless another program truncates the file meanwhile.
+    unsafe { memmap2::Mmap::map(file) }
+}
+
+/// The asset in the bytes.
+pub fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Asset<'a>> {
+    Asset::from_bytes(bytes).map_err(|e| anyhow!("{}: {e}", path.display()))
+}
+
+/// Smallest and largest corner of an asset's mesh.
+fn bounds(asset: &Asset) -> (Vec3, Vec3) {
+    let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    asset.positions().iter().fold(start, |(lo, hi), &p| (lo.min(p.into()), hi.max(p.into())))
+}

@@ -1,0 +1,92 @@
+//! `lunette render`
+
+use anyhow::{Result, anyhow};
+use glam::Vec3;
+use lunette_relight::light::Light;
+use lunette_render::{Reference, ReferenceOptions, Surface, Tracer};
+use lunette_scenes::Scene;
+
+use crate::args;
+use crate::output::{self, Lit};
+use crate::progress::Bar;
+use crate::{light, scene, stage};
+
+/// `lunette render`
+pub fn run(arguments: &args::Render) -> Result<()> {
+    let kind = output::kind(&arguments.output)?;
+    output::check_folder(&arguments.output)?;
+    let exposure = stage::exposure(&arguments.picture)?;
+    let size = stage::size(&arguments.picture)?;
+    let scene = scene::load(&arguments.scene, &arguments.read)?;
+    let lights = light::frames(&arguments.light, scene.mesh.bounds())?;
+    let albedo = scene.vertex_albedo();
+    let surface = surface(&scene, &albedo);
+    let tracer = Tracer::new(surface).map_err(|e| anyhow!("{e}"))?;
+    let camera = stage::camera(&arguments.picture, &tracer)?;
+    let options =
+        ReferenceOptions { samples: arguments.samples, bounces: arguments.bounces, seed: arguments.seed };
+    for (i, (label, light)) in lights.iter().enumerate() {
+        let path = output::frame_path(&arguments.output, i, lights.len())?;
+        let label = if label.is_empty() { String::new() } else { format!(", {label}") };
+        if kind.is_picture() {
+            let counter = Counter::new("pixels", size.0 * size.1);
+            let reference =
+                lunette_render::reference_image(&tracer, light, &camera, size, &options, |n| counter.add(n));
+            let reference = reference.map_err(|e| anyhow!("{e}"))?;
+            output::picture(&path, &reference.image, exposure)?;
+            let noise = lunette_render::noise(&reference.error.pixels, &reference.image.pixels, None);
+            println!("{}: {}{label}", path.display(), noise_text(noise));
+        } else {
+            let reference = vertices(&tracer, light, &options)?;
+            let noise = lunette_render::noise(&reference.error, &reference.total(), None);
+            let lit = Lit {
+                direct: bytemuck::cast_slice(&reference.direct),
+                indirect: bytemuck::cast_slice(&reference.indirect),
+                error: Some(bytemuck::cast_slice(&reference.error)),
+            };
+            output::vertices(&path, &lunette_bake::mesh_asset(&scene), &lit)?;
+            println!("{}: {}{label}", path.display(), noise_text(noise));
+        }
+    }
+    Ok(())
+}
+
+/// What the renderer takes of a scene.
+pub fn surface<'a>(scene: &'a Scene, albedo: &'a [Vec3]) -> Surface<'a> {
+    Surface { position: &scene.mesh.position, normal: &scene.mesh.normal, index: &scene.mesh.index, albedo }
+}
+
+/// The reference at every vertex, with a progress bar.
+pub fn vertices(tracer: &Tracer, light: &Light, options: &ReferenceOptions) -> Result<Reference> {
+    let surface = tracer.surface();
+    let counter = Counter::new("vertices", surface.position.len());
+    let normals: Vec<Vec3> = surface.normal.iter().map(|n| n.normalize()).collect();
+    lunette_render::reference_irradiance(tracer, light, surface.position, &normals, options, |n| {
+        counter.add(n)
+    })
+    .map_err(|e| anyhow!("{e}"))
+}
+
+struct Counter {
+    bar: Bar,
+    done: std::sync::atomic::AtomicU64,
+    total: u64,
+}
+
+impl Counter {
+    fn new(unit: &'static str, total: usize) -> Counter {
+        Counter { bar: Bar::new(unit, 1.0), done: 0.into(), total: total as u64 }
+    }
+
+    fn add(&self, n: usize) {
+        let done = self.done.fetch_add(n as u64, std::sync::atomic::Ordering::Relaxed) + n as u64;
+        self.bar.set("reference", done, self.total);
+    }
+}
+
+pub fn noise_text(noise: Result<f64, lunette_render::Error>) -> String {
+    match noise {
+        Ok(noise) => format!("mean standard error {:.2} % of the mean", noise * 100.0),
+        Err(e) => e.to_string(),
+    }
+}

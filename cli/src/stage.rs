@@ -1,0 +1,71 @@
+//! A scene ready for pictures: its surface, its camera and what each pixel sees.
+
+use anyhow::{Context, Result, anyhow, ensure};
+use glam::Vec3;
+use lunette_relight::asset::Asset;
+use lunette_relight::light::Light;
+use lunette_render::{Camera, Exposure, Image, Surface, Tracer, Visibility};
+
+use crate::args::PictureOptions;
+
+/// The widest picture, pixels on a side: a poster.
+const MOST_PIXELS: usize = 32768;
+
+/// The surface of an asset, as the renderer takes it.
+pub fn surface<'a>(asset: &'a Asset) -> Surface<'a> {
+    Surface {
+        position: bytemuck::cast_slice(asset.positions()),
+        normal: bytemuck::cast_slice(asset.normals()),
+        index: asset.triangles(),
+        albedo: bytemuck::cast_slice(asset.albedo()),
+    }
+}
+
+/// Width and height from `WxH`.
+pub fn size(options: &PictureOptions) -> Result<(usize, usize)> {
+    let wrong = || anyhow!("--size: '{}' is not WIDTHxHEIGHT in 1..={MOST_PIXELS}", options.size);
+    let (w, h) = options.size.split_once('x').ok_or_else(wrong)?;
+    let side = |s: &str| s.parse().ok().filter(|n| (1..=MOST_PIXELS).contains(n)).ok_or_else(wrong);
+    Ok((side(w)?, side(h)?))
+}
+
+/// The camera asked for, or one that frames the scene.
+pub fn camera(options: &PictureOptions, tracer: &Tracer) -> Result<Camera> {
+    let (w, h) = size(options)?;
+    match &options.camera {
+        Some(text) => text.parse().map_err(|e| anyhow!("{e}")),
+        None => Ok(lunette_render::frame(tracer, w as f32 / h as f32)),
+    }
+}
+
+/// Stops, where given.
+pub fn exposure(options: &PictureOptions) -> Result<Exposure> {
+    match options.exposure {
+        None => Ok(Exposure::Auto),
+        Some(ev) => {
+            ensure!(ev.is_finite() && ev.abs() <= 100.0, "--exposure: {ev} is not in -100..=100 stops");
+            Ok(Exposure::Stops(ev))
+        }
+    }
+}
+
+/// What each pixel sees from the camera asked for.
+pub fn visibility(options: &PictureOptions, surface: Surface) -> Result<Visibility> {
+    let tracer = Tracer::new(surface).map_err(|e| anyhow!("{e}"))?;
+    let camera = camera(options, &tracer)?;
+    let (w, h) = size(options)?;
+    lunette_render::trace(&tracer, &camera, w, h).map_err(|e| anyhow!("{e}"))
+}
+
+/// The picture of a relit surface over its light.
+pub fn shade(
+    visibility: &Visibility,
+    surface: &Surface,
+    irradiance: &[[f32; 3]],
+    light: &Light,
+) -> Result<Image> {
+    let irradiance: &[Vec3] = bytemuck::cast_slice(irradiance);
+    let lit: Vec<Vec3> = irradiance.iter().map(|e| e.max(Vec3::ZERO)).collect();
+    let radiance = lunette_render::vertex_radiance(&lit, surface.albedo);
+    visibility.shade(surface, &radiance, |d| light.radiance(d)).map_err(|e| anyhow!("{e}")).context("picture")
+}
