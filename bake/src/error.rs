@@ -17,6 +17,8 @@ pub enum Error {
     EmptyScene,
     /// The threads could not be started.
     Threads(String),
+    /// A tensor would not fit its file.
+    TooLarge(String),
     /// [`crate::Progress::cancelled`] said so.
     Cancelled,
 }
@@ -28,6 +30,7 @@ impl std::fmt::Display for Error {
             Error::Option { name, what } => write!(f, "--{name}: {what}"),
             Error::EmptyScene => write!(f, "the scene has no triangle; give one that has"),
             Error::Threads(why) => write!(f, "cannot start threads ({why}); try a smaller --threads"),
+            Error::TooLarge(why) => write!(f, "{why}"),
             Error::Cancelled => write!(f, "stopped before the end; nothing was written"),
         }
     }

@@ -2,9 +2,10 @@
 //!
 //! A vertex inside other geometry sees only backs of triangles. Left black, it would darken every triangle
 //! around it (the floor about a column's foot). Layer by layer from the rim inwards, it gets the mean of its
-//! neighbours along edges, weighted by one over their distance.
+//! neighbours along edges, weighted by one over their distance. A patch without a lit neighbour takes the light of
+//! the vertices in the same place, from which a crease or another material has split it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use lunette_scenes::Mesh;
 
@@ -26,12 +27,18 @@ pub fn donors(mesh: &Mesh, buried: &[usize]) -> Donors {
         }
     }
     let mut donors = Donors { list: Vec::new(), unreachable: 0 };
+    let mut are_twins_joined = false;
     while !neighbours.is_empty() {
         let layer: Vec<(usize, Vec<(usize, f32)>)> = neighbours
             .iter()
             .map(|(&v, list)| (v, weights(mesh, v, list.iter().filter(|w| !neighbours.contains_key(w)))))
             .filter(|(_, weights)| !weights.is_empty())
             .collect();
+        if layer.is_empty() && !are_twins_joined {
+            join_twins(mesh, &mut neighbours);
+            are_twins_joined = true;
+            continue;
+        }
         if layer.is_empty() {
             donors.unreachable = neighbours.len();
             break;
@@ -44,8 +51,27 @@ pub fn donors(mesh: &Mesh, buried: &[usize]) -> Donors {
     donors
 }
 
+/// Adds the vertices in the same place to the neighbours.
+fn join_twins(mesh: &Mesh, neighbours: &mut BTreeMap<usize, Vec<usize>>) {
+    // Adding zero makes the two zeros one.
+    let place = |v: usize| mesh.position[v].to_array().map(|x| (x + 0.0).to_bits());
+    let mut twins: HashMap<[u32; 3], Vec<usize>> =
+        neighbours.keys().map(|&v| (place(v), Vec::new())).collect();
+    for v in 0..mesh.position.len() {
+        if let Some(list) = twins.get_mut(&place(v)) {
+            list.push(v);
+        }
+    }
+    for (&v, list) in neighbours {
+        list.extend(twins[&place(v)].iter().filter(|&&w| w != v));
+    }
+}
+
+/// Least distance between a vertex and its donor that counts, metres, so that one over it stays a number.
+const NEAREST: f32 = 1e-9;
+
 fn weights<'a>(mesh: &Mesh, v: usize, lit: impl Iterator<Item = &'a usize>) -> Vec<(usize, f32)> {
-    let distance = |w: usize| (mesh.position[w] - mesh.position[v]).length().max(f32::MIN_POSITIVE);
+    let distance = |w: usize| (mesh.position[w] - mesh.position[v]).length().max(NEAREST);
     let raw: Vec<(usize, f32)> = lit.map(|&w| (w, 1.0 / distance(w))).collect();
     let sum: f32 = raw.iter().map(|(_, w)| w).sum();
     raw.into_iter().map(|(v, w)| (v, w / sum)).collect()
@@ -64,6 +90,17 @@ impl Donors {
             }
             rows[v * width..][..width].copy_from_slice(&mean);
         }
+    }
+
+    /// For each of `n_vertices` the vertex whose place it takes: itself, or the nearest of its donors' own sources.
+    pub fn sources(&self, n_vertices: usize) -> Vec<usize> {
+        let mut sources: Vec<usize> = (0..n_vertices).collect();
+        for (v, donors) in &self.list {
+            if let Some((donor, _)) = donors.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
+                sources[*v] = sources[*donor];
+            }
+        }
+        sources
     }
 
     /// How many vertices are filled.
@@ -94,6 +131,19 @@ mod tests {
         donors.fill(&mut rows, 1);
         assert!(rows.iter().all(|v| (v - 4.0f32).abs() < 1e-6), "{rows:?}");
         assert_eq!((donors.n_filled(), donors.unreachable), (4, 0));
+    }
+
+    #[test]
+    fn buried_patches_take_the_light_of_their_twins_across_a_crease() {
+        // A strip, and a copy of it that shares no vertex with it.
+        let mut mesh = strip();
+        mesh.position.extend(strip().position);
+        mesh.normal.extend([Vec3::X; 6]);
+        mesh.index.extend(strip().index.iter().map(|t| t.map(|v| v + 6)));
+        let donors = donors(&mesh, &[6, 7, 8, 9, 10, 11]);
+        let mut rows: Vec<f32> = (0..12).map(|v| if v < 6 { v as f32 } else { 0.0 }).collect();
+        donors.fill(&mut rows, 1);
+        assert_eq!(rows[..6], rows[6..]);
     }
 
     #[test]

@@ -3,9 +3,11 @@
 //! With N rays ω_k uniform over the hemisphere of the normal n, V their visibility and z = n·ω, [`direct`] sums
 //!
 //! - open = Σ V / N, the share of the hemisphere that sees the sky;
-//! - ao = 2 Σ z V / N;
+//! - ao = Σ z V / Σ z;
 //! - bent = Σ ω V / N, the unnormalised bent normal;
-//! - direct Tᵢ = 2π Σ z V yᵢ(ω) / N.
+//! - direct Tᵢ = π Σ z V yᵢ(ω) / Σ z.
+//!
+//! Dividing by Σ z instead of its mean N / 2 makes an open vertex exactly white with any number of rays.
 //!
 //! [`bounced`] asks its rays, fewer of them, what they meet: where that is the point h of albedo ρ,
 //!
@@ -37,8 +39,9 @@ use crate::{Error, Progress, Surface};
 /// Vertices of one task: enough to hide the cost of a task, few enough to stop soon and share evenly.
 const VERTICES_PER_TASK: usize = 64;
 
-/// A path that keeps meeting backs of triangles is given up after this many steps.
-const LONGEST_PATH: u64 = 8;
+/// A path that keeps meeting backs of triangles is inside something, as from a vertex that is partly buried; after
+/// this many steps it takes the light of the front where it stands, so that no light is lost.
+const LONGEST_PATH: u64 = 4;
 
 /// Where the numbers of a vertex stand in its row of [`direct`].
 pub const OPEN: usize = 0;
@@ -64,23 +67,34 @@ pub struct Pass<'a> {
     pub done: &'a AtomicU64,
 }
 
+/// The rays of [`direct`].
+pub struct Many<'a> {
+    pub sets: &'a HemisphereSets,
+    /// Ambient occlusion of each vertex, \[V\].
+    pub ao: &'a [f32],
+}
+
 /// Transfer of the light that arrives at each vertex, red, green, blue: rows of 3 m². Empty means dark.
 pub struct Arriving<'a> {
     /// For what a vertex's own rays meet: all light of up to b-1 bounces.
     pub last: &'a [f32],
     /// For what paths meet that went on: of up to b-2 bounces.
     pub before_last: &'a [f32],
-    /// Ambient occlusion of each vertex by the many rays, \[V\].
-    pub ao: &'a [f32],
+    /// What the many rays of [`direct`] found, for the ratio estimate.
+    pub many: Option<Many<'a>>,
+    /// Whether a path that escapes from a point in a direction brings light: always under the open sky.
+    pub escapes: &'a (dyn Fn(Vec3, Vec3) -> bool + Sync),
 }
 
 /// Visibility of all vertices; `rows` is \[V, [`direct_width`]\].
 pub fn direct(pass: &Pass, rows: &mut [f32], progress: &dyn Progress) -> Result<(), Error> {
-    for_each_vertex(pass, direct_width(pass.order), rows, progress, |v, row| {
+    vertices(pass, direct_width(pass.order), rows, progress, |v, row| {
         let (set, frame) = pass.sets.at(v, pass.surface.mesh.normal[v]);
         let zero = [0.0; LANES];
-        let mut sums = Sums { open: zero, z: zero, bent: [zero; 3], sh: [zero; sh::MAX_COEFFICIENTS] };
+        let mut sums =
+            Sums { all_z: zero, open: zero, z: zero, bent: [zero; 3], sh: [zero; sh::MAX_COEFFICIENTS] };
         for local in set {
+            (0..LANES).for_each(|i| sums.all_z[i] += local.z[i]);
             let (mut rays, world) = packet(pass.surface.origin[v], &frame, local);
             pass.surface.tree.occluded_packet(&ffi::Mask::all(), &mut rays);
             see(pass.order, local, &world, std::array::from_fn(|i| !rays.is_occluded(i)), &mut sums);
@@ -90,35 +104,52 @@ pub fn direct(pass: &Pass, rows: &mut [f32], progress: &dyn Progress) -> Result<
 }
 
 /// Light that has bounced, at all vertices; `rows` is \[V, 3 m²\], red, green, blue.
-pub fn bounced(pass: &Pass, arriving: &Arriving, rows: &mut [f32], progress: &dyn Progress) -> Result<(), Error> {
-    let n_rays = pass.sets.n_rays();
-    for_each_vertex(pass, 3 * pass.order * pass.order, rows, progress, |v, row| {
-        let (set, frame) = pass.sets.at(v, pass.surface.mesh.normal[v]);
-        let origin = pass.surface.origin[v];
-        let mut covered = 0.0;
+pub fn bounced(
+    pass: &Pass,
+    arriving: &Arriving,
+    rows: &mut [f32],
+    progress: &dyn Progress,
+) -> Result<(), Error> {
+    vertices(pass, 3 * pass.order * pass.order, rows, progress, |v, row| {
         row.fill(0.0);
-        for (k, local) in set.iter().enumerate() {
-            let (mut rays, world) = packet(origin, &frame, local);
-            let mut hits = ffi::Hits::<LANES>::default();
-            pass.surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
-            for (lane, z) in local.z.into_iter().enumerate() {
-                if let Some(hit) = hits.get(&rays, lane) {
-                    let weight = 2.0 * z / n_rays as f32;
-                    covered += weight;
-                    let id = hash(pass.seed ^ 0xb0, (v * n_rays + k * LANES + lane) as u64);
-                    let d = lane_of(&world, lane);
-                    follow(pass, arriving, Path { origin, d, weight: Vec3::splat(weight), hit, id }, row);
-                }
-            }
+        let mut covered = bounce(pass, arriving, pass.sets, v, row);
+        let Some(many) = &arriving.many else { return };
+        let truly_covered = (1.0 - many.ao[v]).max(0.0);
+        if covered == 0.0 && truly_covered > 0.0 {
+            // So little is covered that the few rays missed it; the many did not.
+            covered = bounce(pass, arriving, many.sets, v, row);
         }
         if covered > 0.0 {
-            let ratio = (1.0 - arriving.ao[v]).max(0.0) / covered;
-            row.iter_mut().for_each(|value| *value *= ratio);
+            row.iter_mut().for_each(|value| *value *= truly_covered / covered);
         }
     })
 }
 
-fn for_each_vertex(
+/// Adds what the rays of one vertex bring back; the share of its hemisphere, weighted by cosine, that is covered.
+fn bounce(pass: &Pass, arriving: &Arriving, sets: &HemisphereSets, v: usize, row: &mut [f32]) -> f32 {
+    let n_rays = sets.n_rays();
+    let (set, frame) = sets.at(v, pass.surface.mesh.normal[v]);
+    let origin = pass.surface.origin[v];
+    let mut covered = 0.0;
+    for (k, local) in set.iter().enumerate() {
+        let (mut rays, world) = packet(origin, &frame, local);
+        let mut hits = ffi::Hits::<LANES>::default();
+        pass.surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
+        for (lane, z) in local.z.into_iter().enumerate() {
+            if let Some(hit) = hits.get(&rays, lane) {
+                let weight = 2.0 * z / n_rays as f32;
+                covered += weight;
+                let id = hash(pass.seed ^ 0xb0, (v * n_rays + k * LANES + lane) as u64);
+                let d = lane_of(&world, lane);
+                follow(pass, arriving, Path { origin, d, weight: Vec3::splat(weight), hit, id }, row);
+            }
+        }
+    }
+    covered
+}
+
+/// Fills a row of `width` numbers for each vertex, over all threads.
+pub fn vertices(
     pass: &Pass,
     width: usize,
     rows: &mut [f32],
@@ -142,13 +173,16 @@ fn for_each_vertex(
 
 /// Sums over the rays of one vertex, one per lane.
 struct Sums {
+    /// Of all rays; the others are of those that see the sky.
+    all_z: [f32; LANES],
     open: [f32; LANES],
     z: [f32; LANES],
     bent: [[f32; LANES]; 3],
     sh: [[f32; LANES]; sh::MAX_COEFFICIENTS],
 }
 
-fn packet(origin: Vec3, frame: &Frame, local: &Directions) -> (ffi::Packet<LANES>, [[f32; LANES]; 3]) {
+/// The rays of a vertex and their directions in the world.
+pub fn packet(origin: Vec3, frame: &Frame, local: &Directions) -> (ffi::Packet<LANES>, [[f32; LANES]; 3]) {
     let axis = |t: f32, b: f32, n: f32| -> [f32; LANES] {
         std::array::from_fn(|i| t * local.x[i] + b * local.y[i] + n * local.z[i])
     };
@@ -164,7 +198,8 @@ fn packet(origin: Vec3, frame: &Frame, local: &Directions) -> (ffi::Packet<LANES
     (rays, world)
 }
 
-fn lane_of(world: &[[f32; LANES]; 3], lane: usize) -> Vec3 {
+/// The direction of one ray of a packet.
+pub fn lane_of(world: &[[f32; LANES]; 3], lane: usize) -> Vec3 {
     Vec3::new(world[0][lane], world[1][lane], world[2][lane])
 }
 
@@ -193,12 +228,13 @@ fn finish(pass: &Pass, sums: &Sums, row: &mut [f32]) {
     let per_ray = 1.0 / pass.sets.n_rays() as f32;
     let total = |lanes: &[f32; LANES]| lanes.iter().sum::<f32>() * per_ray;
     row[OPEN] = total(&sums.open);
-    row[AO] = 2.0 * total(&sums.z);
+    let per_z = 1.0 / total(&sums.all_z);
+    row[AO] = per_z * total(&sums.z);
     for (out, sum) in row[BENT..].iter_mut().zip(&sums.bent) {
         *out = total(sum);
     }
     for (out, sum) in row[SH..].iter_mut().zip(&sums.sh) {
-        *out = 2.0 * PI * total(sum);
+        *out = PI * per_z * total(sum);
     }
 }
 
@@ -224,7 +260,7 @@ fn follow(pass: &Pass, arriving: &Arriving, mut path: Path, indirect: &mut [f32]
         let ng = Vec3::from(path.hit.normal).normalize_or_zero();
         let is_front = path.d.dot(ng) < 0.0;
         let is_fine = step > 0 || surface.longest_edge[triangle as usize] < path.hit.t;
-        if is_front && is_fine {
+        if (is_front && is_fine) || step + 1 == LONGEST_PATH {
             add_cached(surface, cache, &path, indirect);
             return;
         }
@@ -232,11 +268,15 @@ fn follow(pass: &Pass, arriving: &Arriving, mut path: Path, indirect: &mut [f32]
         let ng = if is_front { ng } else { -ng };
         let h = hash(path.id, step);
         let d = Frame::around(ng, 0.0).to_world(cosine_hemisphere(fractions(h)));
-        let at = path.origin + path.d * path.hit.t + ng * surface.lift;
+        // A hair back towards where it came from: a contact in a corner may be rounded to behind the other wall.
+        let t = path.hit.t - surface.lift.min(0.5 * path.hit.t);
+        let at = path.origin + path.d * t + ng * surface.lift;
         match surface.tree.intersect(&ffi::Ray::new(at.into(), d.into())) {
             Some(hit) => path = Path { origin: at, d, hit, ..path },
             None => {
-                add_sky(d, path.weight, indirect);
+                if (arriving.escapes)(at, d) {
+                    add_sky(d, path.weight, indirect);
+                }
                 return;
             }
         }
@@ -281,7 +321,8 @@ pub fn buried(surface: &Surface, sets: &HemisphereSets, dark: &[usize]) -> Vec<u
             let mut hits = ffi::Hits::<LANES>::default();
             surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
             (0..LANES).all(|lane| {
-                hits.get(&rays, lane).is_some_and(|hit| lane_of(&world, lane).dot(Vec3::from(hit.normal)) > 0.0)
+                hits.get(&rays, lane)
+                    .is_some_and(|hit| lane_of(&world, lane).dot(Vec3::from(hit.normal)) > 0.0)
             })
         })
     };

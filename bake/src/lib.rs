@@ -4,23 +4,32 @@
 //! shadowed SH transfer together; further passes give the transfer of light that has bounced. The same scene,
 //! options and seed give the same bytes, whatever the number of threads.
 
+mod carrier;
+mod energy;
 mod error;
 mod fill;
 mod gather;
+pub mod openings;
 mod options;
+mod photon;
+mod portal;
 mod progress;
 mod sampling;
 mod sky;
+mod spheres;
 mod surface;
 
 use lunette_relight::asset::Asset;
 use lunette_scenes::Scene;
 
+pub use energy::{BandEnergy, cumulative};
 pub use error::Error;
 pub use options::{Basis, Options};
+pub use portal::{Gates, PortalOptions, PortalReport, Start, bake_portals};
 pub use progress::{Progress, Silent};
 pub use sampling::{Directions, Frame, HemisphereSets, LANES};
 pub use sky::mesh_asset;
+pub use spheres::{SphereError, SphereFit, SphereOptions, fit_spheres};
 pub use surface::Surface;
 
 /// Bakes a scene. Memory grows with V (n² + 9 m²) for n bands of direct and m of bounced light.

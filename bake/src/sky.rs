@@ -12,7 +12,7 @@ use lunette_relight::asset::{Asset, Data, Metadata};
 use lunette_scenes::Scene;
 
 use crate::fill::{self, Donors};
-use crate::gather::{AO, Arriving, BENT, OPEN, Pass, SH, bounced, buried, direct, direct_width};
+use crate::gather::{AO, Arriving, BENT, Many, OPEN, Pass, SH, bounced, buried, direct, direct_width};
 use crate::sampling::{HemisphereSets, hash};
 use crate::{Basis, Error, Options, Progress, Surface};
 
@@ -86,9 +86,15 @@ impl<'a> Work<'a> {
         let mut rows = vec![0.0; ao.len() * width];
         let mut last = arriving(direct, self.order, &rows, m);
         let mut before_last = Vec::new();
+        let many = HemisphereSets::new(self.options.rays, self.options.seed);
         for b in 1..=self.bounces {
             let sets = HemisphereSets::new(bounce_rays(self.options), hash(self.options.seed, b as u64));
-            let light = Arriving { last: &last, before_last: &before_last, ao: &ao };
+            let light = Arriving {
+                last: &last,
+                before_last: &before_last,
+                many: Some(Many { sets: &many, ao: &ao }),
+                escapes: &|_, _| true,
+            };
             bounced(&self.pass(&format!("bounce {b}"), m, b, &sets), &light, &mut rows, self.progress)?;
             donors.fill(&mut rows, width);
             if b == self.bounces {
@@ -98,7 +104,9 @@ impl<'a> Work<'a> {
             let added = added(&last, &before_last);
             if added < CONVERGED {
                 let percent = added * 100.0;
-                self.progress.note(&format!("light has settled after {b} bounces (the last one added {percent:.3} %)"));
+                self.progress.note(&format!(
+                    "light has settled after {b} bounces (the last one added {percent:.3} %)"
+                ));
                 break;
             }
         }
@@ -179,8 +187,9 @@ fn asset(scene: &Scene, options: &Options, order: usize, rows: &[f32], bounced: 
     }
     if !bounced.is_empty() {
         let m = options.indirect_order.pow(2);
-        let interleaved =
-            bounced.chunks_exact(3 * m).flat_map(|r| (0..m).flat_map(move |i| [r[i], r[m + i], r[2 * m + i]]));
+        let interleaved = bounced
+            .chunks_exact(3 * m)
+            .flat_map(|r| (0..m).flat_map(move |i| [r[i], r[m + i], r[2 * m + i]]));
         asset.insert_scaled("sky.indirect.sh", &[n, m, 3], &interleaved.collect::<Vec<_>>());
     }
     asset

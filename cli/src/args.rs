@@ -41,7 +41,7 @@ pub struct Demo {
     #[arg(default_value = "lunette-demo")]
     pub folder: PathBuf,
     /// Threads; 0 takes all cores
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
     pub threads: usize,
 }
 
@@ -83,22 +83,22 @@ pub struct SceneOptions {
 #[derive(Args)]
 pub struct Effort {
     /// SH bands of direct light, 1 to 10
-    #[arg(long, default_value_t = 5)]
+    #[arg(long, default_value_t = 5, allow_negative_numbers = true)]
     pub order: usize,
     /// SH bands of bounced light, 1 to 10 [default: as --order]
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     pub indirect_order: Option<usize>,
     /// Rays per vertex, 16 to 65536
-    #[arg(long, default_value_t = 1024)]
+    #[arg(long, default_value_t = 1024, allow_negative_numbers = true)]
     pub rays: usize,
     /// How often light bounces, 0 to 1000
-    #[arg(long, default_value_t = 2)]
+    #[arg(long, default_value_t = 2, allow_negative_numbers = true)]
     pub bounces: usize,
     /// Seed of every random choice
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Threads; 0 takes all cores
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
     pub threads: usize,
 }
 
@@ -116,7 +116,42 @@ pub struct Bake {
     #[command(flatten)]
     pub effort: Effort,
     #[command(flatten)]
+    pub portals: PortalChoice,
+    #[command(flatten)]
     pub read: SceneOptions,
+}
+
+/// Through what light enters an interior, and how it is carried on.
+#[derive(Args)]
+#[command(next_help_heading = "Interiors")]
+pub struct PortalChoice {
+    /// Material or group names of the glass, like 'glass*'; may be given several times
+    #[arg(long, value_name = "GLOB")]
+    pub portal: Vec<String>,
+    /// A portal file [default: SCENE.portals.json, where there is one]
+    #[arg(long, value_name = "FILE", conflicts_with = "portal")]
+    pub portals: Option<PathBuf>,
+    /// Bake under the open sky though there is a portal file
+    #[arg(long)]
+    pub no_portals: bool,
+    /// Split portals too large for exterior objects at this distance, metres
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    pub nearest_exterior: Option<f32>,
+    /// Texels on a side of a portal's cubemap: 8, 16, 32 or 64
+    #[arg(long, default_value_t = 32)]
+    pub resolution: usize,
+    /// Start bounced light from this many photons per portal, instead of gathering it from the direct light
+    #[arg(long, value_name = "N")]
+    pub photons: Option<u64>,
+    /// Choose the bands of bounced light that hold this percentage of its energy
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
+    pub energy: Option<f64>,
+    /// Patches of direct-to-indirect transport
+    #[arg(long, default_value_t = 2048)]
+    pub patches: usize,
+    /// Numbers per vertex of direct-to-indirect transport; 0 leaves it out
+    #[arg(long, default_value_t = 128)]
+    pub rank: usize,
 }
 
 /// What shines.
@@ -136,10 +171,10 @@ pub struct LightOptions {
     #[arg(long, value_name = "LAT,LON", requires = "day", allow_hyphen_values = true)]
     pub at: Option<String>,
     /// Frames of a day
-    #[arg(long, default_value_t = 24)]
+    #[arg(long, default_value_t = 24, allow_negative_numbers = true)]
     pub frames: usize,
     /// Haze of a day's sky, 1 (clear) to 10
-    #[arg(long, default_value_t = 3.0)]
+    #[arg(long, default_value_t = 3.0, allow_negative_numbers = true)]
     pub turbidity: f32,
 }
 
@@ -172,7 +207,28 @@ pub struct Relight {
     #[arg(long)]
     pub method: Option<String>,
     #[command(flatten)]
+    pub outside: Outside,
+    #[command(flatten)]
     pub picture: PictureOptions,
+}
+
+/// What is outside of an interior, and how its light bounces.
+#[derive(Args, Default)]
+#[command(next_help_heading = "Interiors")]
+pub struct Outside {
+    /// Glass of a portal: NAME=tint:r,g,b | frosted:radians | closed | clear, joined by +; may be given several times
+    #[arg(long, value_name = "NAME=GLASS")]
+    pub portal_material: Vec<String>,
+    /// An object outside, seen through the portals: a scene, as for bake
+    #[arg(long, value_name = "SCENE")]
+    pub exterior: Option<String>,
+    /// Where the object moves, in --frames steps: x,y,z:x,y,z, metres
+    #[arg(long, value_name = "FROM:TO", requires = "exterior", allow_hyphen_values = true)]
+    pub along: Option<String>,
+    /// How bounced light is carried: sh, direct-to-indirect or none [default: direct-to-indirect where the light has a
+    /// sun and it is baked, else sh]
+    #[arg(long)]
+    pub indirect: Option<String>,
 }
 
 /// `lunette render`
@@ -186,13 +242,13 @@ pub struct Render {
     #[arg(short, long, default_value = "reference.png")]
     pub output: PathBuf,
     /// Paths per pixel or vertex
-    #[arg(long, default_value_t = 256)]
+    #[arg(long, default_value_t = 256, allow_negative_numbers = true)]
     pub samples: u32,
     /// How often light bounces
-    #[arg(long, default_value_t = 8)]
+    #[arg(long, default_value_t = 8, allow_negative_numbers = true)]
     pub bounces: u32,
     /// Seed
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u32,
     #[command(flatten)]
     pub picture: PictureOptions,
@@ -214,7 +270,7 @@ pub struct Compare {
     #[arg(short, long, default_value = "compare")]
     pub output: PathBuf,
     /// Paths per vertex of the reference
-    #[arg(long, default_value_t = 1024)]
+    #[arg(long, default_value_t = 1024, allow_negative_numbers = true)]
     pub samples: u32,
     #[command(flatten)]
     pub effort: Effort,

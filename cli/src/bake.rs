@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Result, anyhow, bail};
-use lunette_bake::{Basis, Options};
+use lunette_bake::{Basis, Options, PortalOptions};
 use lunette_relight::asset::Asset;
-use lunette_scenes::Scene;
+use lunette_scenes::{Portal, Scene};
 
 use crate::args::{self, Effort};
 use crate::output;
-use crate::progress::Bar;
-use crate::scene;
+use crate::progress::{Bar, say};
+use crate::{portals, scene};
 
 /// `lunette bake`
 pub fn run(arguments: &args::Bake) -> Result<()> {
@@ -19,9 +19,15 @@ pub fn run(arguments: &args::Bake) -> Result<()> {
     options.check().map_err(|e| anyhow!("{e}"))?;
     let path = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
     output::check_folder(&path)?;
-    let scene = scene::load(&arguments.scene, &arguments.read)?;
+    let portal_options = portals::options(&arguments.portals)?;
+    let mut scene = scene::load(&arguments.scene, &arguments.read)?;
+    let portals = portals::take(&mut scene, &arguments.scene, &arguments.portals)?;
     let started = Instant::now();
-    let asset = bake(&scene, &arguments.scene, &options)?;
+    let asset = if portals.is_empty() {
+        bake(&scene, &arguments.scene, &options)?
+    } else {
+        bake_portals(&scene, &portals, &arguments.scene, &options, &portal_options)?
+    };
     let bytes = asset.to_bytes().map_err(|e| anyhow!("{e}"))?;
     lunette_render::write_atomically(&path, &bytes).map_err(|e| anyhow!("{e}"))?;
     let per_vertex = bytes.len() as f64 / scene.mesh.position.len() as f64;
@@ -38,9 +44,34 @@ pub fn run(arguments: &args::Bake) -> Result<()> {
 pub fn bake(scene: &Scene, name: &str, options: &Options) -> Result<Asset<'static>> {
     let bar = Bar::new("M rays", 1e6);
     let mut asset = lunette_bake::bake(scene, options, &bar).map_err(|e| anyhow!("{e}"))?;
-    asset.metadata.scene =
-        Path::new(name).file_name().map_or(name.into(), |n| n.to_string_lossy().into_owned());
+    asset.metadata.scene = short_name(name);
     Ok(asset)
+}
+
+/// As [`bake`], for an interior.
+pub fn bake_portals(
+    scene: &Scene,
+    portals: &[Portal],
+    name: &str,
+    options: &Options,
+    portal_options: &PortalOptions,
+) -> Result<Asset<'static>> {
+    let bar = Bar::new("M rays", 1e6);
+    let (mut asset, report) = lunette_bake::bake_portals(scene, portals, options, portal_options, &bar)
+        .map_err(|e| anyhow!("{e}"))?;
+    drop(bar);
+    report.lines.iter().for_each(|line| say(line));
+    if !report.energy.is_empty() {
+        let shares = lunette_bake::cumulative(&report.energy);
+        let shares: Vec<String> = shares.iter().map(|s| format!("{:.1}", 100.0 * s)).collect();
+        say(&format!("bounced light: % of the energy in the first 1, 2, ... SH bands: {}", shares.join(" ")));
+    }
+    asset.metadata.scene = short_name(name);
+    Ok(asset)
+}
+
+fn short_name(name: &str) -> String {
+    Path::new(name).file_name().map_or(name.into(), |n| n.to_string_lossy().into_owned())
 }
 
 /// Options of a bake from the command line.

@@ -21,7 +21,8 @@ pub fn skies(date: &str, place: &str, frames: usize, turbidity: f32) -> Result<V
                 .at(&time, location, 0.0, delta, Some(RefractionCorrection::standard()))
                 .context("--day: the sun's position")?;
             let (azimuth, elevation) = (sun.azimuth(), sun.elevation_angle());
-            let sky = Sky::new((azimuth as f32).to_radians(), (elevation as f32).to_radians(), turbidity)?;
+            let sky = Sky::new((azimuth as f32).to_radians(), (elevation as f32).to_radians(), turbidity)
+                .context("--turbidity")?;
             let label = format!(
                 "{} solar time, sun at {azimuth:.1}, {elevation:.1} degrees",
                 time.time().format("%H:%M")

@@ -5,9 +5,12 @@ mod bake;
 mod compare;
 mod day;
 mod demo;
+mod engine;
 mod info;
+mod judge;
 mod light;
 mod output;
+mod portals;
 mod progress;
 mod relight;
 mod render;
@@ -17,11 +20,15 @@ mod stage;
 use std::process::ExitCode;
 
 use clap::Parser;
+use clap::error::ErrorKind;
 
 use args::{Arguments, Command};
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return refuse(&error),
+    };
     progress::set_quiet(arguments.quiet);
     let result = match &arguments.command {
         Command::Demo(a) => demo::run(a),
@@ -40,4 +47,30 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// The command line makes no sense.
+const USAGE: u8 = 2;
+
+/// Help as it is; what is wrong with the command line in one line.
+fn refuse(error: &clap::Error) -> ExitCode {
+    let status = match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
+            let _ = error.print();
+            return ExitCode::SUCCESS;
+        }
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            let _ = error.print();
+            return ExitCode::from(USAGE);
+        }
+        // A known option with an impossible value counts as every other bad input.
+        ErrorKind::InvalidValue | ErrorKind::ValueValidation => ExitCode::FAILURE,
+        _ => ExitCode::from(USAGE),
+    };
+    let text = error.to_string();
+    let lines =
+        text.lines().map(str::trim).take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more"));
+    let line = lines.filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ");
+    eprintln!("lunette: {} (see --help)", line.trim_start_matches("error: "));
+    status
 }

@@ -1,7 +1,6 @@
 //! `lunette relight`
 
 use std::path::Path;
-use std::time::Instant;
 
 use anyhow::{Context, Result, anyhow, bail};
 use glam::Vec3;
@@ -12,6 +11,7 @@ use lunette_relight::light::{Light, Window};
 use lunette_render::{Exposure, Visibility, auto_exposure};
 
 use crate::args;
+use crate::engine::{Engine, Evaluated};
 use crate::output::{self, Lit};
 use crate::progress::say;
 use crate::{light, stage};
@@ -23,21 +23,22 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
     let bytes = map(&arguments.file)?;
     let asset = open(&arguments.file, &bytes)?;
     let method = match &arguments.method {
-        Some(name) => method(name)?,
+        Some(name) => Some(method(name).context("--method")?),
         None => best_method(&asset),
     };
-    let mut frame = Frame::new(&asset, method).map_err(|e| anyhow!("{}: {e}", arguments.file.display()))?;
-    let lights = light::frames(&arguments.light, bounds(&asset))?;
+    let mut engine = Engine::new(&asset, method, &arguments.outside)
+        .with_context(|| arguments.file.display().to_string())?;
+    let mut lights = light::frames(&arguments.light, bounds(&asset))?;
+    if lights.len() == 1 && arguments.outside.along.is_some() {
+        lights = vec![lights.remove(0); arguments.light.frames];
+    }
     let mut exposure = stage::exposure(&arguments.picture)?;
     let surface = stage::surface(&asset);
     let visibility =
         if kind.is_picture() { Some(stage::visibility(&arguments.picture, surface)?) } else { None };
     for (i, (label, light)) in lights.iter().enumerate() {
         let path = output::frame_path(&arguments.output, i, lights.len())?;
-        let started = Instant::now();
-        frame.project(light);
-        let (direct, indirect) = evaluate(&frame, asset.n_vertices());
-        let milliseconds = started.elapsed().as_secs_f64() * 1e3;
+        let Evaluated { direct, indirect, spent } = engine.light(&asset, light, i, lights.len())?;
         match &visibility {
             None => {
                 output::vertices(&path, &asset, &Lit { direct: &direct, indirect: &indirect, error: None })?
@@ -47,28 +48,34 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
                 warn_of_ringing(&total);
                 let image = stage::shade(visibility, &surface, &total, light)?;
                 if lights.len() > 1 && exposure == Exposure::Auto {
-                    exposure = Exposure::Stops(day_exposure(&mut frame, &lights, &asset, visibility)?);
+                    exposure = Exposure::Stops(day_exposure(&mut engine, &lights, &asset, visibility)?);
                 }
                 output::picture(&path, &image, exposure)?;
             }
         }
         let label = if label.is_empty() { String::new() } else { format!(", {label}") };
-        println!("{}: relit {} vertices in {milliseconds:.2} ms{label}", path.display(), asset.n_vertices());
+        let [project, dot] = [spent.project, spent.dot].map(|d| d.as_secs_f64() * 1e3);
+        println!(
+            "{}: light projected in {project:.2} ms, {} vertices relit in {dot:.2} ms{label}",
+            path.display(),
+            asset.n_vertices()
+        );
     }
     Ok(())
 }
 
 /// One exposure for all frames of a day: that of its middle frame, noon.
 fn day_exposure(
-    frame: &mut Frame,
+    engine: &mut Engine,
     lights: &[(String, Light)],
     asset: &Asset,
     visibility: &Visibility,
 ) -> Result<f32> {
-    let (_, noon) = &lights[lights.len() / 2];
-    frame.project(noon);
-    let (direct, indirect) = evaluate(frame, asset.n_vertices());
-    Ok(auto_exposure(&stage::shade(visibility, &stage::surface(asset), &sum(&direct, &indirect), noon)?))
+    let middle = lights.len() / 2;
+    let (_, noon) = &lights[middle];
+    let lit = engine.light(asset, noon, middle, lights.len())?;
+    let total = sum(&lit.direct, &lit.indirect);
+    Ok(auto_exposure(&stage::shade(visibility, &stage::surface(asset), &total, noon)?))
 }
 
 /// Direct and bounced irradiance of every vertex.
@@ -123,14 +130,17 @@ pub fn method(name: &str) -> Result<Method> {
     }
 }
 
-fn best_method(asset: &Asset) -> Method {
+/// What the asset holds of the sky; nothing for an interior.
+fn best_method(asset: &Asset) -> Option<Method> {
     let has = |name| asset.tensor(name).is_some();
-    if has("sky.direct.sh") {
-        Method::default()
+    if asset.metadata.shells.len() > 1 {
+        None
+    } else if has("sky.direct.sh") {
+        Some(Method::default())
     } else if has("sky.aperture") {
-        Method::Aperture(Intersection::Exact)
+        Some(Method::Aperture(Intersection::Exact))
     } else {
-        Method::Bent
+        Some(Method::Bent)
     }
 }
 

@@ -1,6 +1,6 @@
 //! `lunette render`
 
-use anyhow::{Result, anyhow};
+use anyhow::{Result, anyhow, ensure};
 use glam::Vec3;
 use lunette_relight::light::Light;
 use lunette_render::{Reference, ReferenceOptions, Surface, Tracer};
@@ -17,14 +17,13 @@ pub fn run(arguments: &args::Render) -> Result<()> {
     output::check_folder(&arguments.output)?;
     let exposure = stage::exposure(&arguments.picture)?;
     let size = stage::size(&arguments.picture)?;
+    let options = options(arguments.samples, arguments.bounces, arguments.seed)?;
     let scene = scene::load(&arguments.scene, &arguments.read)?;
     let lights = light::frames(&arguments.light, scene.mesh.bounds())?;
     let albedo = scene.vertex_albedo();
     let surface = surface(&scene, &albedo);
     let tracer = Tracer::new(surface).map_err(|e| anyhow!("{e}"))?;
     let camera = stage::camera(&arguments.picture, &tracer)?;
-    let options =
-        ReferenceOptions { samples: arguments.samples, bounces: arguments.bounces, seed: arguments.seed };
     for (i, (label, light)) in lights.iter().enumerate() {
         let path = output::frame_path(&arguments.output, i, lights.len())?;
         let label = if label.is_empty() { String::new() } else { format!(", {label}") };
@@ -51,6 +50,19 @@ pub fn run(arguments: &args::Render) -> Result<()> {
     Ok(())
 }
 
+/// More paths than anybody has the time for.
+const MOST_SAMPLES: u32 = 1 << 24;
+
+/// More bounces than leave any light, but in a white furnace.
+const MOST_BOUNCES: u32 = 1000;
+
+/// Options of the reference from the command line.
+pub fn options(samples: u32, bounces: u32, seed: u32) -> Result<ReferenceOptions> {
+    ensure!((2..=MOST_SAMPLES).contains(&samples), "--samples: {samples} is not in 2..={MOST_SAMPLES}");
+    ensure!(bounces <= MOST_BOUNCES, "--bounces: {bounces} is not in 0..={MOST_BOUNCES}");
+    Ok(ReferenceOptions { samples, bounces, seed })
+}
+
 /// What the renderer takes of a scene.
 pub fn surface<'a>(scene: &'a Scene, albedo: &'a [Vec3]) -> Surface<'a> {
     Surface { position: &scene.mesh.position, normal: &scene.mesh.normal, index: &scene.mesh.index, albedo }
@@ -59,12 +71,21 @@ pub fn surface<'a>(scene: &'a Scene, albedo: &'a [Vec3]) -> Surface<'a> {
 /// The reference at every vertex, with a progress bar.
 pub fn vertices(tracer: &Tracer, light: &Light, options: &ReferenceOptions) -> Result<Reference> {
     let surface = tracer.surface();
-    let counter = Counter::new("vertices", surface.position.len());
     let normals: Vec<Vec3> = surface.normal.iter().map(|n| n.normalize()).collect();
-    lunette_render::reference_irradiance(tracer, light, surface.position, &normals, options, |n| {
-        counter.add(n)
-    })
-    .map_err(|e| anyhow!("{e}"))
+    at(tracer, light, surface.position, &normals, options)
+}
+
+/// The reference at points of the surface, with a progress bar.
+pub fn at(
+    tracer: &Tracer,
+    light: &Light,
+    position: &[Vec3],
+    normal: &[Vec3],
+    options: &ReferenceOptions,
+) -> Result<Reference> {
+    let counter = Counter::new("vertices", position.len());
+    lunette_render::reference_irradiance(tracer, light, position, normal, options, |n| counter.add(n))
+        .map_err(|e| anyhow!("{e}"))
 }
 
 struct Counter {

@@ -4,6 +4,7 @@ use anyhow::{Context, Result, anyhow};
 use lunette_scenes::{LoadOptions, Scene, Up, builtin};
 
 use crate::args::{self, SceneOptions};
+use crate::output;
 use crate::progress::say;
 
 /// Loads and, where asked for, subdivides a scene; says what was mended.
@@ -28,6 +29,11 @@ pub fn load(name: &str, options: &SceneOptions) -> Result<Scene> {
     }
     say(&format!("{name}: {} vertices, {} triangles", scene.mesh.position.len(), scene.mesh.index.len()));
     Ok(scene)
+}
+
+/// Loads a scene as it is.
+pub fn load_plain(name: &str) -> Result<Scene> {
+    lunette_scenes::load(name, &LoadOptions::default()).map_err(|e| anyhow!("{e}"))
 }
 
 fn positive(option: &str, value: f32) -> Result<f32> {
@@ -58,6 +64,7 @@ pub fn run(arguments: &args::Scene) -> Result<()> {
     }
     let name = arguments.name.as_deref().context("name a built-in scene, or --list")?;
     let output = arguments.output.as_deref().context("-o FILE.obj is missing")?;
+    output::check_folder(output)?;
     let scene = builtin::build(name).map_err(|e| anyhow!("{e}"))?;
     lunette_scenes::write_obj(&scene, output).map_err(|e| anyhow!("{e}"))?;
     println!(

@@ -8,8 +8,11 @@ use lunette_render::{Camera, Exposure, Image, Surface, Tracer, Visibility};
 
 use crate::args::PictureOptions;
 
-/// The widest picture, pixels on a side: a poster.
-const MOST_PIXELS: usize = 32768;
+/// The longest side of a picture, pixels: a poster.
+const LONGEST_SIDE: usize = 32768;
+
+/// Most pixels of a picture: 1.5 GiB of radiance.
+const MOST_PIXELS: usize = 1 << 27;
 
 /// The surface of an asset, as the renderer takes it.
 pub fn surface<'a>(asset: &'a Asset) -> Surface<'a> {
@@ -23,10 +26,12 @@ pub fn surface<'a>(asset: &'a Asset) -> Surface<'a> {
 
 /// Width and height from `WxH`.
 pub fn size(options: &PictureOptions) -> Result<(usize, usize)> {
-    let wrong = || anyhow!("--size: '{}' is not WIDTHxHEIGHT in 1..={MOST_PIXELS}", options.size);
+    let wrong = || anyhow!("--size: '{}' is not WIDTHxHEIGHT in 1..={LONGEST_SIDE}", options.size);
     let (w, h) = options.size.split_once('x').ok_or_else(wrong)?;
-    let side = |s: &str| s.parse().ok().filter(|n| (1..=MOST_PIXELS).contains(n)).ok_or_else(wrong);
-    Ok((side(w)?, side(h)?))
+    let side = |s: &str| s.parse().ok().filter(|n| (1..=LONGEST_SIDE).contains(n)).ok_or_else(wrong);
+    let (w, h) = (side(w)?, side(h)?);
+    ensure!(w * h <= MOST_PIXELS, "--size: {w} x {h} is more than {MOST_PIXELS} pixels");
+    Ok((w, h))
 }
 
 /// The camera asked for, or one that frames the scene.

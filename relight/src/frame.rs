@@ -7,13 +7,14 @@
 //! let mut frame = Frame::new(&asset, Method::default())?;
 //! frame.project(light); // each time the light moves
 //! frame.direct(0, out); // all vertices from 0 on, or any slice of them, from any thread
+//! frame.reflect(out); // does something only where bounced light is carried from direct light
 //! frame.add_indirect(0, out);
 //! # Ok(())
 //! # }
 //! ```
 //!
-//! Direct light comes from the method's own basis; light that has bounced comes from `sky.indirect.sh` with every
-//! method, where it is baked. Irradiance is in the unit of the light, without the receiver's albedo: a surface of
+//! Direct light comes from the method's own basis; light that has bounced comes with every method from
+//! `sky.indirect.sh`, where it is baked, or is carried from the direct light ([`Frame::set_indirect`]). Irradiance is in the unit of the light, without the receiver's albedo: a surface of
 //! albedo ρ sends out ρ E / π.
 
 use half::f16;
@@ -21,9 +22,12 @@ use half::f16;
 use crate::aperture::{self, ApertureLight, Apertures, Intersection};
 use crate::asset::Asset;
 use crate::bent::{self, BentLight};
+use crate::cubemap::{n_texels, project_light};
 use crate::dot;
+use crate::indirect::{Carrier, Indirect};
 use crate::light::{Cap, Light, SMOOTH_ORDER, Window, project_sh, split, window};
 use crate::sh::MAX_COEFFICIENTS;
+use crate::sparse::{Rows, SparseLight};
 
 /// How direct light is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +44,8 @@ pub enum Method {
         /// Against ringing.
         window: Option<Window>,
     },
+    /// Sparse rows on a cubemap, in pulses or Haar wavelets: shadows of a sun as sharp as a texel.
+    Haar,
 }
 
 impl Default for Method {
@@ -55,6 +61,12 @@ pub struct Missing {
     pub tensor: &'static str,
     /// What to bake.
     pub basis: &'static str,
+}
+
+impl Missing {
+    pub(crate) fn carrier() -> Missing {
+        Missing { tensor: "indirect.gather", basis: "direct-to-indirect" }
+    }
 }
 
 impl std::fmt::Display for Missing {
@@ -76,8 +88,18 @@ pub struct Frame<'a> {
     caps: Vec<Cap>,
     smooth: [[f32; 3]; SMOOTH_ORDER * SMOOTH_ORDER],
     sky: glam::Vec3,
+    sparse: Option<Sparse<'a>>,
     direct: Projected,
     indirect: Projected,
+    carrier: Option<Carrier<'a>>,
+    carried: Indirect,
+}
+
+/// Rows on a cubemap and the light on it.
+struct Sparse<'a> {
+    rows: Rows<'a>,
+    texels: Vec<[f32; 3]>,
+    light: SparseLight,
 }
 
 /// Light coefficients times the tensor's scale, and how many of them there are.
@@ -106,8 +128,11 @@ impl<'a> Frame<'a> {
             caps: Vec::with_capacity(16),
             smooth: [[0.0; 3]; SMOOTH_ORDER * SMOOTH_ORDER],
             sky: glam::Vec3::ZERO,
+            sparse: None,
             direct: dark("sky.direct.sh"),
             indirect: dark("sky.indirect.sh"),
+            carrier: None,
+            carried: Indirect::Sh,
         };
         match method {
             Method::Bent => {
@@ -123,8 +148,34 @@ impl<'a> Frame<'a> {
                 return Err(Missing { tensor: "sky.direct.sh", basis: "sh" });
             }
             Method::Sh { .. } => {}
+            Method::Haar => {
+                let rows = Rows::open(asset, "sky.direct").ok().flatten();
+                let rows = rows.ok_or(Missing { tensor: "sky.direct.start", basis: "haar" })?;
+                let n = rows.n();
+                frame.sparse =
+                    Some(Sparse { rows, texels: vec![[0.0; 3]; n_texels(n)], light: SparseLight::new(n) });
+            }
         }
         Ok(frame)
+    }
+
+    /// Chooses how bounced light is carried, see [`Indirect::for_light`]; at first it is SH, or nothing where none is
+    /// baked. [`Indirect::DirectToIndirect`] needs a call of [`Frame::reflect`] after each change of the light.
+    ///
+    /// # Errors
+    /// When that was not baked.
+    pub fn set_indirect(&mut self, indirect: Indirect) -> Result<(), Missing> {
+        match indirect {
+            Indirect::Sh if self.indirect.n == 0 => {
+                return Err(Missing { tensor: "sky.indirect.sh", basis: "sh" });
+            }
+            Indirect::DirectToIndirect if self.carrier.is_none() => {
+                self.carrier = Some(Carrier::open(self.asset).ok_or_else(Missing::carrier)?);
+            }
+            _ => {}
+        }
+        self.carried = indirect;
+        Ok(())
     }
 
     /// Takes on a light.
@@ -136,8 +187,14 @@ impl<'a> Frame<'a> {
                 let scale = self.asset.metadata.scale("sky.direct.sh");
                 self.direct.project(light, order, window, scale);
             }
+            Method::Haar => {
+                if let Some(sparse) = &mut self.sparse {
+                    project_light(light, sparse.rows.n(), &mut sparse.texels);
+                    sparse.light.set(&sparse.texels);
+                }
+            }
         }
-        if self.indirect.n > 0 {
+        if self.indirect.n > 0 && self.carried == Indirect::Sh {
             let (order, filter) = match self.method {
                 Method::Sh { order, window } => (order, window),
                 _ => (usize::MAX, None),
@@ -170,6 +227,23 @@ impl<'a> Frame<'a> {
                 let n = self.direct.n;
                 dot::sh(self.rows("sky.direct.sh", first * n, out.len() * n), &self.direct.light[..n], out);
             }
+            Method::Haar => {
+                out.fill([0.0; 3]);
+                if let Some(sparse) = &self.sparse {
+                    sparse.rows.add(first, &sparse.light, out);
+                }
+            }
+        }
+    }
+
+    /// Takes on the direct irradiance of all vertices, from which [`add_indirect`](Self::add_indirect) then carries
+    /// bounced light, if that is how it is carried; else does nothing.
+    ///
+    /// # Panics
+    /// When `direct` is not one value per vertex.
+    pub fn reflect(&mut self, direct: &[[f32; 3]]) {
+        if let (Indirect::DirectToIndirect, Some(carrier)) = (self.carried, &mut self.carrier) {
+            carrier.reflect(direct);
         }
     }
 
@@ -179,23 +253,27 @@ impl<'a> Frame<'a> {
     /// When there are not that many vertices.
     pub fn add_indirect(&self, first: usize, out: &mut [[f32; 3]]) {
         let n = self.indirect.n;
-        if n > 0 {
-            let rows = self.rows("sky.indirect.sh", first * 3 * n, out.len() * 3 * n);
-            dot::sh_rgb_add(rows, &self.indirect.light[..n], out);
+        match (self.carried, &self.carrier) {
+            (Indirect::Sh, _) if n > 0 => {
+                let rows = self.rows("sky.indirect.sh", first * 3 * n, out.len() * 3 * n);
+                dot::sh_rgb_add(rows, &self.indirect.light[..n], out);
+            }
+            (Indirect::DirectToIndirect, Some(carrier)) => carrier.add(first, out),
+            _ => {}
         }
     }
 
     /// All light, over all threads of the current rayon pool.
     ///
     /// # Panics
-    /// When `out` is longer than there are vertices.
+    /// When `out` is longer than there are vertices, or shorter where bounced light is carried from direct light.
     #[cfg(feature = "rayon")]
-    pub fn irradiance_parallel(&self, out: &mut [[f32; 3]]) {
+    pub fn irradiance_parallel(&mut self, out: &mut [[f32; 3]]) {
         use rayon::prelude::*;
-        out.par_chunks_mut(dot::ROWS_PER_TASK).enumerate().for_each(|(task, out)| {
-            self.direct(task * dot::ROWS_PER_TASK, out);
-            self.add_indirect(task * dot::ROWS_PER_TASK, out);
-        });
+        let task = dot::ROWS_PER_TASK;
+        out.par_chunks_mut(task).enumerate().for_each(|(i, out)| self.direct(i * task, out));
+        self.reflect(out);
+        out.par_chunks_mut(task).enumerate().for_each(|(i, out)| self.add_indirect(i * task, out));
     }
 
     /// What the method reads per vertex, bytes: direct and bounced light, without the mesh.
@@ -203,8 +281,16 @@ impl<'a> Frame<'a> {
         let direct = match self.method {
             Method::Bent | Method::Aperture(_) => 8,
             Method::Sh { order, .. } => 2 * self.direct.n.min(order.saturating_mul(order)),
+            Method::Haar => {
+                self.sparse.as_ref().map_or(0, |s| s.rows.bytes().div_ceil(s.rows.n_rows().max(1)))
+            }
         };
-        direct + 6 * self.indirect.n
+        let bounced = match (self.carried, &self.carrier) {
+            (Indirect::Sh, _) => 6 * self.indirect.n,
+            (Indirect::DirectToIndirect, Some(carrier)) => 2 * carrier.rank() + 2,
+            _ => 0,
+        };
+        direct + bounced
     }
 
     fn rows(&self, name: &str, from: usize, count: usize) -> &[f16] {
@@ -241,3 +327,6 @@ fn normalise(axes: &mut [[f32; 3]]) {
         *axis = glam::Vec3::from(*axis).normalize_or_zero().to_array();
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,7 +5,7 @@
 
 use crate::error::Error;
 use crate::image_file::MOST_PIXELS;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use std::str::FromStr;
 
 /// Where to look from. Parses from `x,y,z;x,y,z;degrees`: eye, target, vertical field of view.
@@ -69,6 +69,19 @@ impl View {
     pub fn direction(&self, x: f32, y: f32) -> Vec3 {
         let (x, y) = (2.0 * x / self.width - 1.0, 1.0 - 2.0 * y / self.height);
         (self.forward + x * self.right + y * self.up).normalize()
+    }
+
+    /// How far in front of the eye a point is, along the middle of the view, metres.
+    pub fn depth(&self, p: Vec3) -> f32 {
+        (p - self.eye).dot(self.forward)
+    }
+
+    /// Where a point in front of the eye is seen, in pixels from the picture's upper left corner.
+    pub fn project(&self, p: Vec3) -> Vec2 {
+        let q = (p - self.eye) / self.depth(p);
+        let (x, y) =
+            (q.dot(self.right) / self.right.length_squared(), q.dot(self.up) / self.up.length_squared());
+        0.5 * Vec2::new((1.0 + x) * self.width, (1.0 - y) * self.height)
     }
 }
 

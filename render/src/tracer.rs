@@ -9,6 +9,9 @@
 //! It breaks where surfaces lie closer together than that hair, 3e-5 of the scene's size.
 
 use crate::error::Error;
+use crate::reference::panes::Panes;
+use crate::reference::path::Place;
+use crate::reference::scatter::Scatter;
 use glam::{IVec3, Vec3};
 use lunette_ffi::{Device, Ray, SceneBuilder};
 use std::f32::consts::PI;
@@ -26,10 +29,26 @@ pub struct Surface<'a> {
     pub albedo: &'a [Vec3],
 }
 
-/// A surface with Embree's search tree over it. Surfaces are opaque, Lambertian and two-sided; emission
-/// (`Ke`) is not part of a relit light and does not count.
+/// Phong reflection of a surface, beside its albedo: it sends out
+/// `∫ [albedo/π + specular (exponent + 2)/(2π) max(r·wi, 0)^exponent] L_i cosθ dwi`, with r the mirror direction of the
+/// viewer's. The specular reflectance is the share of light that the lobe sends back from straight above.
+///
+/// Based on: Lafortune and Willems, Using the Modified Phong Reflectance Model for Physically Based Rendering, 1994.
+#[derive(Clone, Copy, Debug)]
+pub struct Gloss<'a> {
+    /// Specular reflectance (`Ks`), in 0..=1, and no more than 1 together with the albedo, \[V\].
+    pub specular: &'a [Vec3],
+    /// Phong exponent (`Ns`), 0 and up, \[V\].
+    pub exponent: &'a [f32],
+}
+
+/// A surface with Embree's search tree over it. Surfaces are opaque and two-sided, and Lambertian unless
+/// [`with_gloss`](Tracer::with_gloss) says otherwise; emission (`Ke`) is not part of a relit light and does not count.
+/// Nothing lets light through: panes of glass are to be left out of the surface.
 pub struct Tracer<'a> {
     surface: Surface<'a>,
+    gloss: Option<Gloss<'a>>,
+    panes: Option<Panes>,
     scene: lunette_ffi::Scene,
     /// Largest magnitude of a coordinate, metres.
     extent: f32,
@@ -69,7 +88,32 @@ impl<'a> Tracer<'a> {
         let mut builder = SceneBuilder::new(&device)?;
         builder.add_triangles(bytemuck::cast_slice(surface.position), surface.index)?;
         let extent = surface.position.iter().map(|p| p.abs().max_element()).fold(f32::MIN_POSITIVE, f32::max);
-        Ok(Tracer { surface, scene: builder.commit()?, extent })
+        Ok(Tracer { surface, gloss: None, panes: None, scene: builder.commit()?, extent })
+    }
+
+    /// The same surface, glossy.
+    ///
+    /// # Errors
+    /// [`Error::Surface`] where lengths differ, a value is out of its range, or albedo and specular reflectance together
+    /// send back more light than falls in.
+    pub fn with_gloss(self, gloss: Gloss<'a>) -> Result<Tracer<'a>, Error> {
+        check_gloss(&self.surface, &gloss)?;
+        Ok(Tracer { gloss: Some(gloss), ..self })
+    }
+
+    /// The same surface, with openings through which most light enters: triangles that block nothing, and at which the
+    /// reference aims rays. That takes away noise and changes no expected value, even where light enters elsewhere too.
+    /// Triangles without area are left out; none at all is as if this was not called.
+    ///
+    /// # Errors
+    /// [`Error::Surface`] for a corner that is not finite.
+    pub fn with_portals(self, triangles: &[[Vec3; 3]]) -> Result<Tracer<'a>, Error> {
+        if let Some(t) = triangles.iter().position(|t| t.iter().any(|p| !p.is_finite())) {
+            let what =
+                format!("triangle {t} of the portals has a corner that is not finite: {:?}", triangles[t]);
+            return Err(Error::Surface { what });
+        }
+        Ok(Tracer { panes: Panes::new(triangles), ..self })
     }
 
     /// What it was made of.
@@ -79,6 +123,10 @@ impl<'a> Tracer<'a> {
 
     pub(crate) fn scene(&self) -> &lunette_ffi::Scene {
         &self.scene
+    }
+
+    pub(crate) fn panes(&self) -> Option<&Panes> {
+        self.panes.as_ref()
     }
 
     /// The first contact of an endless ray.
@@ -105,9 +153,24 @@ impl<'a> Tracer<'a> {
         self.scene.occluded(&Ray::new(origin.to_array(), direction.to_array()))
     }
 
-    /// Reflectance at a contact.
-    pub(crate) fn albedo(&self, contact: &Contact) -> Vec3 {
-        self.interpolate(contact.triangle, contact.weights, self.surface.albedo)
+    /// Whether nothing is between two points.
+    pub(crate) fn sees(&self, from: Vec3, to: Vec3) -> bool {
+        !self.scene.occluded(&Ray { tfar: 1.0, ..Ray::new(from.to_array(), (to - from).to_array()) })
+    }
+
+    /// The point of a path at a contact, with a unit normal on its side, seen along the unit direction `d`.
+    pub(crate) fn place(&self, contact: &Contact, n: Vec3, d: Vec3) -> Place {
+        let origin = self.lift(contact.position, contact.geometric_normal);
+        Place { origin, n, scatter: self.scatter(contact, n, d) }
+    }
+
+    fn scatter(&self, contact: &Contact, n: Vec3, d: Vec3) -> Scatter {
+        let albedo = self.interpolate(contact.triangle, contact.weights, self.surface.albedo);
+        let Some(gloss) = self.gloss else { return Scatter::matt(albedo) };
+        let specular = self.interpolate(contact.triangle, contact.weights, gloss.specular);
+        let [u, v] = contact.weights;
+        let [a, b, c] = self.surface.index[contact.triangle as usize].map(|i| gloss.exponent[i as usize]);
+        Scatter::glossy(albedo, specular, (1.0 - u - v) * a + u * b + v * c, n, d)
     }
 
     /// Unit interpolated normal at a contact, on the side from which the ray came.
@@ -171,6 +234,36 @@ fn check(surface: &Surface) -> Result<(), Error> {
     match surface.albedo.iter().position(|x| !is_albedo(x)) {
         Some(v) => {
             wrong(format!("vertex {v} of the surface has the albedo {}, not in 0..=1", surface.albedo[v]))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Rounding of a file's decimals may put a sum of reflectances this far over 1.
+const REFLECTANCE_MARGIN: f32 = 1e-3;
+
+fn check_gloss(surface: &Surface, gloss: &Gloss) -> Result<(), Error> {
+    let wrong = |what: String| Err(Error::Surface { what });
+    let (n, specular, exponent) = (surface.position.len(), gloss.specular, gloss.exponent);
+    if specular.len() != n || exponent.len() != n {
+        let (speculars, exponents) = (specular.len(), exponent.len());
+        return wrong(format!(
+            "the surface has {n} positions, {speculars} speculars and {exponents} exponents"
+        ));
+    }
+    let keeps_energy = |(s, albedo): (&Vec3, &Vec3)| {
+        let most = 1.0 + REFLECTANCE_MARGIN;
+        s.to_array().iter().all(|x| (0.0..=1.0).contains(x)) && (s + albedo).max_element() <= most
+    };
+    if let Some(v) = specular.iter().zip(surface.albedo).position(|both| !keeps_energy(both)) {
+        let (s, albedo) = (specular[v], surface.albedo[v]);
+        return wrong(format!(
+            "vertex {v} of the surface has the specular {s} beside the albedo {albedo}: their sum must be in 0..=1"
+        ));
+    }
+    match exponent.iter().position(|e| !(e.is_finite() && *e >= 0.0)) {
+        Some(v) => {
+            wrong(format!("vertex {v} of the surface has the exponent {}, not 0 or more", exponent[v]))
         }
         None => Ok(()),
     }
@@ -253,5 +346,27 @@ mod tests {
             assert!(matches!(error, Error::Surface { .. }));
             assert_eq!(error.to_string().lines().count(), 1);
         }
+    }
+
+    #[test]
+    fn unusable_gloss_and_portals_are_refused() {
+        let normals = [Vec3::Y; 3];
+        let (s, e) = ([Vec3::splat(0.5); 3], [3.0f32; 3]);
+        let glossy = |specular, exponent| {
+            Tracer::new(triangle(&CORNERS, &normals)).unwrap().with_gloss(Gloss { specular, exponent })
+        };
+        assert!(glossy(&s, &e).is_ok());
+        for (specular, exponent) in [
+            (&s[..2], &e[..]),
+            (&s, &[3.0, 3.0, -1.0]),
+            (&s, &[3.0, f32::NAN, 1.0]),
+            (&[Vec3::splat(0.6); 3], &e),
+            (&[Vec3::NAN; 3], &e),
+        ] {
+            let Err(error) = glossy(specular, exponent) else { panic!("accepted {specular:?} {exponent:?}") };
+            assert_eq!(error.to_string().lines().count(), 1);
+        }
+        let tracer = Tracer::new(triangle(&CORNERS, &normals)).unwrap();
+        assert!(tracer.with_portals(&[[Vec3::ZERO, Vec3::NAN, Vec3::X]]).is_err());
     }
 }

@@ -21,6 +21,7 @@ mod obj;
 mod open;
 mod ply;
 mod polygon;
+mod portal;
 mod repair;
 mod scene;
 mod subdivide;
@@ -29,6 +30,10 @@ mod tidy;
 mod write_obj;
 
 pub use open::{LoadOptions, Up, load};
+pub use portal::{
+    MOST_THROWN_BACK, Portal, SIDECAR_FORMAT, SIDECAR_VERSION, Split, read_portals, sidecar_path,
+    split_portals, take_portals, thrown_back, write_portals,
+};
 pub use scene::{Error, Material, Mesh, Scene};
 pub use subdivide::{MAX_TRIANGLES, subdivide};
 pub use write_obj::write_obj;

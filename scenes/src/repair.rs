@@ -107,7 +107,7 @@ fn same_place(position: &[Vec3]) -> Vec<u32> {
 }
 
 /// Equal for equal vectors; -0 counts as 0.
-fn bits(v: Vec3) -> [u32; 3] {
+pub(crate) fn bits(v: Vec3) -> [u32; 3] {
     (v + Vec3::ZERO).to_array().map(f32::to_bits)
 }
 
@@ -145,7 +145,7 @@ fn drop_triangles(soup: &mut Soup, same: &[u32], report: &mut Vec<String>) {
     tell(report, n_backs, "triangle", "in the place of another that faces the other way left out");
 }
 
-fn is_flat(corner: [Vec3; 3]) -> bool {
+pub(crate) fn is_flat(corner: [Vec3; 3]) -> bool {
     let [a, b, c] = corner.map(Vec3::as_dvec3);
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
     let area = cross(corner).length();

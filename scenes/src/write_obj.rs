@@ -23,15 +23,24 @@ pub fn write_obj(scene: &Scene, path: &Path) -> Result<(), Error> {
     let groups = unique_names(scene.groups.iter().map(String::as_str), "group");
     let library = path.with_extension("mtl");
     let library_name = library.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let library_is_new = !library.exists();
     write_whole(&library, |out| write_materials(out, scene, &materials))?;
-    write_whole(path, |out| {
+    let written = write_whole(path, |out| {
         writeln!(out, "mtllib {library_name}")?;
         write_mesh(out, &scene.mesh, &materials, &groups)
-    })
+    });
+    if written.is_err() && library_is_new {
+        // Materials alone are of no use; the first error is the one to tell.
+        let _ = std::fs::remove_file(&library);
+    }
+    written
 }
 
 /// Writes to a file beside `path`, which takes its place once all of it is on the disk.
-fn write_whole(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), Error> {
+pub(crate) fn write_whole(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<(), Error> {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(format!(".{}.partial", std::process::id()));
     let partial = path.with_file_name(name);

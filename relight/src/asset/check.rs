@@ -4,21 +4,24 @@ use safetensors::Dtype;
 
 use super::{Asset, Data, Error, Tensor};
 use crate::sh::MAX_COEFFICIENTS;
+use crate::sparse::Rows;
 
-/// Type and shape that a known tensor must have.
+/// Type and shape that a known tensor must have. `*` in a name stands for a number.
 struct Rule {
     name: &'static str,
     dtype: Dtype,
     shape: Shape,
 }
 
-/// V vertices, T triangles, n² a square up to 100.
+/// V vertices, T triangles, n² a square up to 100; any two lengths are at least 1.
 enum Shape {
     Vertex,
     VertexTriple,
     TriangleTriple,
     VertexSquare,
     VertexSquareTriple,
+    VertexAny,
+    AnyAnyTriple,
 }
 
 const RULES: &[Rule] = &[
@@ -31,7 +34,14 @@ const RULES: &[Rule] = &[
     Rule { name: "sky.aperture", dtype: Dtype::F16, shape: Shape::Vertex },
     Rule { name: "sky.direct.sh", dtype: Dtype::F16, shape: Shape::VertexSquare },
     Rule { name: "sky.indirect.sh", dtype: Dtype::F16, shape: Shape::VertexSquareTriple },
+    Rule { name: "portal.*.indirect.sh", dtype: Dtype::F16, shape: Shape::VertexSquareTriple },
+    Rule { name: "indirect.patch", dtype: Dtype::U16, shape: Shape::Vertex },
+    Rule { name: "indirect.spread", dtype: Dtype::F32, shape: Shape::AnyAnyTriple },
+    Rule { name: "indirect.gather", dtype: Dtype::F16, shape: Shape::VertexAny },
 ];
+
+/// In `indirect.patch`: a vertex that reflects nothing.
+pub const NO_PATCH: u16 = u16::MAX;
 
 /// Every asset has these.
 const NEEDED: [&str; 4] = ["mesh.position", "mesh.normal", "mesh.albedo", "mesh.index"];
@@ -45,8 +55,8 @@ pub fn tensors(asset: &Asset) -> Result<(), Error> {
     }
     let n_vertices = asset.tensor("mesh.position").and_then(|t| t.shape.first()).copied().unwrap_or(0);
     for (name, tensor) in asset.tensors() {
-        if let Some(rule) = RULES.iter().find(|rule| rule.name == name) {
-            known(rule, tensor, n_vertices)?;
+        if let Some(rule) = RULES.iter().find(|rule| matches(rule.name, name)) {
+            known(rule, name, tensor, n_vertices)?;
         }
         if tensor.shape.iter().product::<usize>() != tensor.data.len() {
             return Err(wrong(name, "its shape and its number of values disagree"));
@@ -58,15 +68,58 @@ pub fn tensors(asset: &Asset) -> Result<(), Error> {
     if let Some((name, scale)) = asset.metadata.scale.iter().find(|(_, s)| !s.is_finite() || **s <= 0.0) {
         return Err(wrong(name, &format!("scale {scale} is not a positive number")));
     }
+    sparse_rows(asset)?;
+    patches(asset)?;
     match asset.triangles().as_flattened().iter().position(|&v| v as usize >= n_vertices) {
         Some(at) => Err(wrong("mesh.index", &format!("triangle {} points past vertex {n_vertices}", at / 3))),
         None => Ok(()),
     }
 }
 
-fn known(rule: &Rule, tensor: &Tensor, v: usize) -> Result<(), Error> {
+/// Sparse rows under any prefix that has one of their tensors.
+fn sparse_rows(asset: &Asset) -> Result<(), Error> {
+    for (name, _) in asset.tensors() {
+        let known = [".direct.start", ".direct.index", ".direct.value", ".direct.scale", ".direct.basis"];
+        let Some(part) = known.iter().find(|part| name.ends_with(*part)) else { continue };
+        let prefix = &name[..name.len() - part.len() + ".direct".len()];
+        if Rows::open(asset, prefix)?.is_none() {
+            return Err(wrong(&format!("{prefix}.start"), "missing"));
+        }
+    }
+    Ok(())
+}
+
+/// Patches and their two matrices go together.
+fn patches(asset: &Asset) -> Result<(), Error> {
+    let names = ["indirect.patch", "indirect.spread", "indirect.gather"];
+    let found = names.map(|name| asset.tensor(name));
+    let [Some(patch), Some(spread), Some(gather)] = found else {
+        return match names.iter().zip(found).find(|(_, tensor)| tensor.is_none()) {
+            Some((name, _)) if found.iter().any(Option::is_some) => Err(wrong(name, "missing")),
+            _ => Ok(()),
+        };
+    };
+    if spread.shape[1] != gather.shape[1] {
+        return Err(wrong(names[2], &format!("{} columns against {}", gather.shape[1], spread.shape[1])));
+    }
+    let n_patches = spread.shape[0];
+    let Data::U16(patch) = &patch.data else { return Ok(()) };
+    match patch.iter().position(|&p| p != NO_PATCH && usize::from(p) >= n_patches) {
+        Some(v) => Err(wrong(names[0], &format!("vertex {v} points past patch {n_patches}"))),
+        None => Ok(()),
+    }
+}
+
+/// Whether a name is that of a rule, with any number for `*`.
+fn matches(rule: &str, name: &str) -> bool {
+    let Some((before, after)) = rule.split_once('*') else { return rule == name };
+    let number = name.strip_prefix(before).and_then(|rest| rest.strip_suffix(after));
+    number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
+}
+
+fn known(rule: &Rule, name: &str, tensor: &Tensor, v: usize) -> Result<(), Error> {
     if tensor.data.dtype() != rule.dtype {
-        return Err(wrong(rule.name, &format!("{:?} instead of {:?}", tensor.data.dtype(), rule.dtype)));
+        return Err(wrong(name, &format!("{:?} instead of {:?}", tensor.data.dtype(), rule.dtype)));
     }
     let square = |k: usize| (1..=MAX_COEFFICIENTS).contains(&k) && k.isqrt().pow(2) == k;
     let fits = match (&rule.shape, tensor.shape.as_slice()) {
@@ -75,12 +128,14 @@ fn known(rule: &Rule, tensor: &Tensor, v: usize) -> Result<(), Error> {
         (Shape::TriangleTriple, &[_, 3]) => true,
         (Shape::VertexSquare, &[a, k]) => a == v && square(k),
         (Shape::VertexSquareTriple, &[a, k, 3]) => a == v && square(k),
+        (Shape::VertexAny, &[a, k]) => a == v && k > 0,
+        (Shape::AnyAnyTriple, &[p, k, 3]) => p > 0 && k > 0,
         _ => false,
     };
     if fits {
         Ok(())
     } else {
-        Err(wrong(rule.name, &format!("shape {:?} does not fit {v} vertices", tensor.shape)))
+        Err(wrong(name, &format!("shape {:?} does not fit {v} vertices", tensor.shape)))
     }
 }
 

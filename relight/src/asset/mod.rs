@@ -7,7 +7,10 @@
 //!
 //! Tensors (V vertices, T triangles): `mesh.position`, `mesh.normal`, `mesh.albedo` f32 \[V,3\], `mesh.index` u32
 //! \[T,3\]; `sky.ao` f16 \[V\], `sky.bent` f16 \[V,3\], `sky.aperture` f16 \[V\] (cap radius, radians),
-//! `sky.direct.sh` f16 \[V,n²\], `sky.indirect.sh` f16 \[V,m²,3\]. What is not baked is not there. A stored value
+//! `sky.direct.sh` f16 \[V,n²\], `sky.indirect.sh` f16 \[V,m²,3\]; `sky.direct.*` and `portal.K.direct.*` as
+//! [`sparse`](crate::sparse) has them, `portal.K.indirect.sh` f16 \[V,m²,3\]; `indirect.patch` u16 \[V\]
+//! ([`NO_PATCH`]: none), `indirect.spread` f32 \[P,k,3\], `indirect.gather` f16 \[V,k\] as
+//! [`indirect`](crate::indirect) has them. What is not baked is not there. A stored value
 //! times the tensor's scale ([`Metadata::scale`], 1 where absent) is the value meant.
 
 mod check;
@@ -21,6 +24,7 @@ use half::f16;
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 
+pub use check::NO_PATCH;
 pub use error::Error;
 pub use tensor::{Data, Tensor};
 

@@ -88,7 +88,10 @@ mod tests {
     }
 
     fn case(order: usize, vertices: usize, channels: usize) -> (Vec<f16>, Vec<[f32; 3]>) {
-        let n = order * order;
+        rows(order * order, vertices, channels)
+    }
+
+    fn rows(n: usize, vertices: usize, channels: usize) -> (Vec<f16>, Vec<[f32; 3]>) {
         let transfer = noise(vertices * n * channels, 7).into_iter().map(f16::from_f32).collect();
         let light = noise(n * 3, 11).chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
         (transfer, light)
@@ -117,6 +120,19 @@ mod tests {
                 let (mut a, mut b) = (vec![[0.5; 3]; vertices], vec![[0.5; 3]; vertices]);
                 sh_rgb_add(&transfer, &light, &mut a);
                 portable::sh_rgb_add(&transfer, &light, &mut b);
+                assert_close(&a, &b);
+            }
+        }
+    }
+
+    #[test]
+    fn dispatch_agrees_with_the_portable_sum_at_any_length() {
+        for n in [8, 10, 31, 128, 200, 512, 513] {
+            for vertices in [0, 1, 4, 5, 8, 31] {
+                let (transfer, light) = rows(n, vertices, 1);
+                let (mut a, mut b) = (vec![[9.0; 3]; vertices], vec![[0.0; 3]; vertices]);
+                sh(&transfer, &light, &mut a);
+                portable::sh(&transfer, &light, &mut b);
                 assert_close(&a, &b);
             }
         }

@@ -3,7 +3,8 @@
 //! Colourless rows: eight coefficients at a time are widened to f32 and multiplied into three accumulators, one
 //! per colour. Four rows share their horizontal sums: three `hadd` and one fold leave the sums of four rows in
 //! four lanes. n² leaves 0, 1 or 4 coefficients beyond the last full eight; these columns are gathered over the
-//! four rows and join after the fold, so that no lane is wasted on them.
+//! four rows and join after the fold, so that no lane is wasted on them. Rows of other lengths (bounced light carried
+//! from direct light) read on past their end instead.
 //!
 //! Coloured rows: coefficients are interleaved r g b, so that the light is laid out once in the same way and
 //! three accumulators take every third eight; their lanes hold fixed colours and are sorted at the end. A last
@@ -21,10 +22,12 @@ use crate::sh::MAX_COEFFICIENTS;
 const ROWS: usize = 4;
 /// Lanes of a 256-bit vector.
 const LANES: usize = 8;
+/// Longest colourless row: its light lies on the stack, in three planes.
+const LONGEST: usize = 512;
 
 /// Whether the work was done: false leaves it to the portable sum.
 pub fn sh(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32; 3]]) -> bool {
-    if !supported(light.len()) {
+    if !supported(light.len(), LONGEST) {
         return false;
     }
     // SAFETY: `supported` saw the features that `sh_avx2` is compiled for.
@@ -38,7 +41,7 @@ pub fn sh(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32; 3]]) -> bool {
             64 => sh_avx2::<64>(transfer, light, out),
             81 => sh_avx2::<81>(transfer, light, out),
             100 => sh_avx2::<100>(transfer, light, out),
-            _ => return false,
+            _ => any_avx2(transfer, light, out),
         }
     }
     true
@@ -46,7 +49,7 @@ pub fn sh(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32; 3]]) -> bool {
 
 /// Whether the work was done: false leaves it to the portable sum.
 pub fn sh_rgb_add(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32; 3]]) -> bool {
-    if !supported(light.len()) {
+    if !supported(light.len(), MAX_COEFFICIENTS) {
         return false;
     }
     // SAFETY: `supported` saw the features that `sh_rgb_add_avx2` is compiled for.
@@ -54,11 +57,11 @@ pub fn sh_rgb_add(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32; 3]]) ->
     true
 }
 
-fn supported(n: usize) -> bool {
+fn supported(n: usize, most: usize) -> bool {
     let features = is_x86_feature_detected!("avx2")
         && is_x86_feature_detected!("fma")
         && is_x86_feature_detected!("f16c");
-    features && (LANES..=MAX_COEFFICIENTS).contains(&n)
+    features && (LANES..=most).contains(&n)
 }
 
 /// Rows of `N` coefficients, known when this is compiled, so that the loops unroll and need no checks.
@@ -95,6 +98,35 @@ fn sh_avx2<const N: usize>(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32
         store_transposed(sums, out);
     }
     portable::sh(rest_rows.as_flattened(), light, rest);
+}
+
+/// Rows of any length. A last partial eight reads on into the next row against a light of zero.
+#[target_feature(enable = "avx2,fma,f16c")]
+fn any_avx2(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32; 3]]) {
+    let n = light.len();
+    let mut planes = [[0.0f32; LONGEST + LANES]; 3];
+    for (i, l) in light.iter().enumerate() {
+        for (plane, l) in planes.iter_mut().zip(l) {
+            plane[i] = *l;
+        }
+    }
+    // A group may read on by less than eight, which the row behind it has.
+    let fast = out.len().saturating_sub(1) / ROWS * ROWS;
+    let (groups, _) = out[..fast].as_chunks_mut::<ROWS>();
+    for (group, out) in groups.iter_mut().enumerate() {
+        let rows = &transfer[group * ROWS * n..];
+        let mut wide = [[_mm256_setzero_ps(); ROWS]; 3];
+        for i in (0..n).step_by(LANES) {
+            for r in 0..ROWS {
+                let t = load_f16(&rows[r * n + i..r * n + i + LANES]);
+                for c in 0..3 {
+                    wide[c][r] = _mm256_fmadd_ps(t, load_f32(&planes[c][i..i + LANES]), wide[c][r]);
+                }
+            }
+        }
+        store_transposed([fold(wide[0]), fold(wide[1]), fold(wide[2])], out);
+    }
+    portable::sh(&transfer[fast * n..], light, &mut out[fast..]);
 }
 
 #[target_feature(enable = "avx2,fma,f16c")]

@@ -5,7 +5,7 @@
 
 use std::f32::consts::{PI, TAU};
 use std::fmt;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use glam::{Quat, Vec3};
 
@@ -29,6 +29,16 @@ struct Image {
     sh: OnceLock<Vec<[f32; 3]>>,
     /// Bright spots and the rest of the picture without them, computed when first asked for.
     spots: OnceLock<Spots>,
+    /// The cubemap last asked for.
+    cubemap: Mutex<Option<KeptCubemap>>,
+}
+
+/// Texels without the picture's scale, at one resolution and turn.
+#[derive(Debug)]
+struct KeptCubemap {
+    n: usize,
+    orientation: Quat,
+    texels: Vec<[f32; 3]>,
 }
 
 /// Why a picture cannot be a light.
@@ -76,7 +86,15 @@ impl Equirect {
         }
         check_finite(width, &pixels)?;
         let n_negative = mend_negative(&mut pixels);
-        let image = Image { width, height, pixels, n_negative, sh: OnceLock::new(), spots: OnceLock::new() };
+        let image = Image {
+            width,
+            height,
+            pixels,
+            n_negative,
+            sh: OnceLock::new(),
+            spots: OnceLock::new(),
+            cubemap: Mutex::new(None),
+        };
         Ok(Equirect { image: Arc::new(image), orientation: Quat::IDENTITY, scale: 1.0 })
     }
 
@@ -151,6 +169,20 @@ impl Equirect {
     /// Bright spots in the picture's own frame without scale; the first call searches all pixels.
     pub(super) fn image_spots(&self) -> &Spots {
         self.image.spots.get_or_init(|| super::split::find_spots(self))
+    }
+
+    /// Calls `read` with the picture's texels on an `n` x `n` x 6 cubemap in the world, without scale. They are
+    /// kept until another resolution or turn is asked for.
+    pub(crate) fn with_cubemap(&self, n: usize, read: impl FnOnce(&[[f32; 3]])) {
+        // A panic elsewhere cannot leave half a cubemap: it is replaced whole.
+        let mut kept = self.image.cubemap.lock().unwrap_or_else(PoisonError::into_inner);
+        if !kept.as_ref().is_some_and(|k| k.n == n && k.orientation == self.orientation) {
+            let texels = crate::cubemap::accumulate_picture(self, n);
+            *kept = Some(KeptCubemap { n, orientation: self.orientation, texels });
+        }
+        if let Some(kept) = kept.as_ref() {
+            read(&kept.texels);
+        }
     }
 }
 

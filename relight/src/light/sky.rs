@@ -22,7 +22,7 @@ use std::f32::consts::FRAC_PI_2;
 use std::fmt;
 
 use glam::{Quat, Vec3};
-use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
+use hw_skymodel::rgb::{SkyParams, SkyState};
 
 use super::{Cap, spectrum, turned};
 use crate::cap;
@@ -42,7 +42,7 @@ const NIGHT_ELEVATION: f32 = -0.314_159_27;
 /// The Hosek-Wilkie sky with its sun, at one moment.
 #[derive(Clone, Debug)]
 pub struct Sky {
-    dome: SkyState,
+    dome: Dome,
     /// From the sky's frame (up +Y, north -Z) to the world.
     orientation: Quat,
     azimuth: f32,
@@ -52,6 +52,15 @@ pub struct Sky {
     fade: f32,
     /// The whole disc, in the sky's frame.
     sun: Cap,
+}
+
+/// Coefficients of the dome for one sun, turbidity and ground, per RGB channel.
+#[derive(Clone, Debug)]
+struct Dome {
+    /// A to I of the paper, in the order of the data set: A B C D E F G H I.
+    shape: [[f32; 9]; 3],
+    /// Radiance where the shape is 1.
+    radiance: [f32; 3],
 }
 
 /// Why there is no such sky.
@@ -97,6 +106,7 @@ impl Sky {
         let axis = compass_direction(azimuth, elevation);
         let sun = Cap { axis, radius: SUN_RADIUS, radiance: spectrum::sun_radiance(elevation, turbidity) };
         let fade = twilight(elevation);
+        let dome = Dome::new(&dome);
         Ok(Sky { dome, orientation: Quat::IDENTITY, azimuth, elevation, turbidity, fade, sun })
     }
 
@@ -159,10 +169,7 @@ impl Sky {
 
     /// Radiance of the dome from `d` in the sky's own frame, above the horizon.
     pub(super) fn dome_local(&self, d: Vec3) -> Vec3 {
-        let theta = d.y.clamp(0.0, 1.0).acos();
-        let gamma = d.angle_between(self.dome_sun());
-        let channel = |c| self.dome.radiance(theta, gamma, c);
-        let rgb = Vec3::new(channel(Channel::R), channel(Channel::G), channel(Channel::B));
+        let rgb = self.dome.radiance(d.y.clamp(0.0, 1.0), d.angle_between(self.dome_sun()));
         // The fit dips under zero opposite to a low sun.
         rgb.max(Vec3::ZERO) * self.fade
     }
@@ -175,6 +182,33 @@ impl Sky {
     /// This sky turned by the unit quaternion `q`.
     pub fn rotated(&self, q: Quat) -> Sky {
         Sky { orientation: (q * self.orientation).normalize(), ..self.clone() }
+    }
+}
+
+impl Dome {
+    fn new(state: &SkyState) -> Dome {
+        let (shape, radiance) = state.raw();
+        Dome { shape: std::array::from_fn(|c| std::array::from_fn(|i| shape[9 * c + i])), radiance }
+    }
+
+    /// L = (1 + A exp(B / (cos θ + 0.01))) (C + D exp(E γ) + F cos² γ + G χ(I, γ) + H √cos θ) times the radiance
+    /// scale, χ(g, γ) = (1 + cos² γ) / (1 + g² - 2 g cos γ)^(3/2): what `SkyState::radiance` computes, for the
+    /// three channels at once, which share the costly parts.
+    fn radiance(&self, cos_theta: f32, gamma: f32) -> Vec3 {
+        let cos_gamma = gamma.cos();
+        let cos_gamma2 = cos_gamma * cos_gamma;
+        let root = cos_theta.sqrt();
+        let horizon = 1.0 / (cos_theta + 0.01);
+        let channel = |channel: usize| {
+            let [a, b, c, d, e, f, g, h, i] = self.shape[channel];
+            let x = 1.0 + i * i - 2.0 * i * cos_gamma;
+            let glow = (1.0 + cos_gamma2) / (x * x.sqrt());
+            let falloff = 1.0 + a * (b * horizon).exp();
+            self.radiance[channel]
+                * falloff
+                * (c + d * (e * gamma).exp() + f * cos_gamma2 + g * glow + h * root)
+        };
+        Vec3::new(channel(0), channel(1), channel(2))
     }
 }
 

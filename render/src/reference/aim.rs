@@ -125,7 +125,7 @@ fn equirect_aim(image: &Equirect) -> Option<Aim> {
 
 /// Uniform in a cap: the height above the axis' plane is uniform. Written with half-angle sines, which keep their
 /// digits for the smallest cap.
-fn uniform_cap(axis: Vec3, radius: f32, u: Vec2) -> Vec3 {
+pub(crate) fn uniform_cap(axis: Vec3, radius: f32, u: Vec2) -> Vec3 {
     let rim = (0.5 * radius).sin();
     // 1 - cos of the angle from the axis.
     let depth = 2.0 * rim * rim * u.x;

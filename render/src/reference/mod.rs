@@ -1,7 +1,8 @@
 //! The truth, by path tracing.
 //!
-//! Surfaces are opaque, two-sided and Lambertian; emission is not part of a relit light and is left out. Light falls
-//! in from infinitely far away. A path meets surfaces with their geometric normals; only its first point has a normal
+//! Surfaces are opaque, two-sided, and Lambertian or Phong; emission is not part of a relit light and is left out.
+//! Light falls in from infinitely far away; there is no transmission, so that panes of glass must not be among the
+//! triangles. A path meets surfaces with their geometric normals; only its first point has a normal
 //! of its own: the given one for [`reference_irradiance`], the interpolated shading normal for [`reference_image`], as
 //! light baked per vertex has vertex normals too. A picture shows the side that the camera sees.
 //!
@@ -9,21 +10,25 @@
 //! the batches' means, and thus itself uncertain by a sixth. Results depend on the seed alone, not on the number of
 //! threads.
 //!
-//! It breaks, slowly, where light enters through a small hole: paths find it by chance.
+//! It breaks, slowly, where light enters through a small hole: paths find it by chance, unless the hole was named
+//! with [`Tracer::with_portals`].
 
 use crate::camera::Camera;
 use crate::error::Error;
 use crate::image::Image;
-use crate::tracer::{Tracer, lambert};
+use crate::tracer::Tracer;
 use crate::visibility::for_each_tile;
 use glam::Vec3;
 use lunette_relight::light::Light;
-use path::{Draw, Gathered, World, gather};
+use path::{Draw, Gathered, Place, World, gather};
 use rayon::prelude::*;
+use scatter::Scatter;
 
-mod aim;
+pub(crate) mod aim;
 pub(crate) mod hash;
-mod path;
+pub(crate) mod panes;
+pub(crate) mod path;
+pub(crate) mod scatter;
 mod table;
 
 /// How long to trace.
@@ -70,6 +75,8 @@ impl Reference {
 pub struct ReferenceImage {
     /// Radiance.
     pub image: Image,
+    /// The part of it that comes straight from the light, to the eye or by way of one surface.
+    pub direct: Image,
     /// Standard error of each pixel.
     pub error: Image,
 }
@@ -97,7 +104,8 @@ pub fn reference_irradiance(
 
     let at_point = |i: usize| {
         let origin = tracer.lift(points[i], normals[i]);
-        plan.average(i as u32, |draw| gather(&world, origin, normals[i], draw))
+        let place = || Place { origin, n: normals[i], scatter: Scatter::RECEIVER };
+        plan.average(i as u32, |draw| gather(&world, place(), draw))
     };
     let chunks: Vec<Vec<Average>> = (0..points.len().div_ceil(CHUNK))
         .into_par_iter()
@@ -144,7 +152,7 @@ pub fn reference_image(
         let sample = |draw: Draw| {
             let place = draw.point(PIXEL_DIMENSION);
             let direction = view.direction(x as f32 + place.x, y as f32 + place.y);
-            Gathered { direct: seen_radiance(&world, view.eye, direction, draw), indirect: Vec3::ZERO }
+            seen_radiance(&world, view.eye, direction, draw)
         };
         let average = plan.average((y * width + x) as u32, sample);
         done(1);
@@ -152,20 +160,25 @@ pub fn reference_image(
     });
     let picture =
         |value: fn(&Average) -> Vec3| Image { width, height, pixels: pixels.iter().map(value).collect() };
-    Ok(ReferenceImage { image: picture(|a| a.mean.direct), error: picture(|a| a.error) })
+    Ok(ReferenceImage {
+        image: picture(|a| a.mean.direct + a.mean.indirect),
+        direct: picture(|a| a.mean.direct),
+        error: picture(|a| a.error),
+    })
 }
 
 /// The dimension of a pixel's sample that no path uses.
 const PIXEL_DIMENSION: u32 = u32::MAX;
 
 /// Radiance that a camera ray sees.
-fn seen_radiance(world: &World, eye: Vec3, direction: Vec3, draw: Draw) -> Vec3 {
-    let Some(contact) = world.tracer.first_contact(eye, direction) else {
-        return world.light.radiance(direction);
-    };
-    let origin = world.tracer.lift(contact.position, contact.geometric_normal);
-    let gathered = gather(world, origin, world.tracer.shading_normal(&contact), draw);
-    lambert(world.tracer.albedo(&contact), gathered.direct + gathered.indirect)
+fn seen_radiance(world: &World, eye: Vec3, direction: Vec3, draw: Draw) -> Gathered {
+    match world.tracer.first_contact(eye, direction) {
+        None => Gathered { direct: world.light.radiance(direction), indirect: Vec3::ZERO },
+        Some(contact) => {
+            let normal = world.tracer.shading_normal(&contact);
+            gather(world, world.tracer.place(&contact, normal, direction), draw)
+        }
+    }
 }
 
 /// How samples are split into batches.
@@ -221,6 +234,8 @@ impl Plan {
     }
 }
 
+#[cfg(test)]
+mod interior_tests;
 #[cfg(test)]
 pub(crate) mod test_scenes;
 #[cfg(test)]

@@ -1,5 +1,6 @@
 use super::test_scenes::{Geometry, closed_box, floor_with_block};
 use super::*;
+use crate::tracer::lambert;
 use glam::{Quat, Vec2};
 use lunette_relight::light::{Cap, CieOvercast, Equirect, Sky, Source};
 use std::f32::consts::PI;
@@ -226,6 +227,7 @@ fn results_do_not_depend_on_threads() {
     };
     let (one, three) = (run(1), run(3));
     assert_eq!(one.image, three.image);
+    assert_eq!(one.direct, three.direct);
     assert_eq!(one.error, three.error);
 }
 

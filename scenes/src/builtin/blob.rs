@@ -30,16 +30,19 @@ const BALLS: [(Vec3, Vec3); 10] = [
 /// The level of the sum at which the surface lies.
 const LEVEL: f32 = 0.3;
 
+/// Largest cell, of the rabbit's height: the ears have a little more than two.
+const COARSEST: f32 = 0.06;
+
 /// Edges of the first net shorter than this, of a cell, are collapsed: where the surface grazes a grid plane, they would
 /// make slivers that fold.
-const SHORTEST: f32 = 0.4;
+const SHORTEST: f32 = 0.3;
 
 /// Rounds of evening out: each moves every vertex half-way to the mean of its neighbours and back onto the surface.
 const ROUNDS: usize = 4;
 
 /// Adds the rabbit, standing at `foot` with edges of about `edge` metres, looking to +z.
 pub fn rabbit(draft: &mut Draft, paint: Paint, foot: Vec3, height: f32, edge: f32) {
-    let cell = (edge / height).min(0.1);
+    let cell = (edge / height).min(COARSEST);
     let (position, triangles) = net(cell);
     let (lo, hi) = position.iter().fold((f32::MAX, f32::MIN), |(lo, hi), p| (lo.min(p.y), hi.max(p.y)));
     let scale = height / (hi - lo);

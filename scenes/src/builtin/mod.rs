@@ -13,6 +13,7 @@ mod car;
 mod chapel;
 mod courtyard;
 mod draft;
+mod erosion;
 mod fractal;
 mod rooms;
 mod shapes;
@@ -137,11 +138,11 @@ const BUILTINS: &[Builtin] = &[
     },
     Builtin {
         name: "terrain",
-        what: "fractal mountains of any size, the same for the same seed",
+        what: "mountains worn by rivers, of any size, the same for the same seed",
         parameters: &[
             whole("n", "vertices along a side", 257.0, [2.0, 5001.0]),
             real("size", "side, m", 6000.0, [1.0, 1e6]),
-            real("height", "from the lowest point to the highest, m", 1200.0, [0.0, 1e5]),
+            real("height", "from the lowest point to the highest, m", 900.0, [0.0, 1e5]),
             real("roughness", "how much each finer octave keeps of the last", 0.45, [0.0, 0.9]),
             whole("seed", "another number, other mountains", 1.0, [0.0, 16777215.0]),
             ALBEDO,

@@ -61,6 +61,16 @@ fn builtins_with_defaults_are_sound() {
 }
 
 #[test]
+fn rabbit_does_not_fold_at_any_size_of_triangles() {
+    for edge in [0.04, 0.05, 0.06, 0.09, 0.12, 0.14, 0.17, 0.19, 0.21, 0.23, 0.25, 0.27, 0.4] {
+        let scene = build(&format!("box-room:edge={edge}")).unwrap();
+        assert_eq!(fault(&scene), None, "{edge}");
+        let rabbit = |i: usize| scene.groups[scene.mesh.group[i] as usize] == "rabbit";
+        assert_eq!(open_edges(&scene.mesh, rabbit), 0, "{edge}");
+    }
+}
+
+#[test]
 fn builtins_at_the_ends_of_their_ranges_are_sound_or_say_why_not() {
     let mut built = 0;
     for builtin in list() {
@@ -280,4 +290,20 @@ proptest! {
             prop_assert!(!e.to_string().contains('\n'));
         }
     }
+}
+
+#[test]
+fn terrain_drains_to_its_border() {
+    // Every inner point has a lower neighbour, but for lakes and for river beds that creep has closed: 173 points of
+    // 65,025 here. Noise without rivers leaves several percent.
+    let n = 257;
+    let position = build("terrain").unwrap().mesh.position;
+    let height = |x: usize, y: usize| position[y * n + x].y;
+    let inner = || (1..n - 1).flat_map(|y| (1..n - 1).map(move |x| (x, y)));
+    let is_hollow = |&(x, y): &(usize, usize)| {
+        let around = (0..9).filter(|k| *k != 4).map(|k| height(x + k % 3 - 1, y + k / 3 - 1));
+        around.fold(f32::MAX, f32::min) >= height(x, y)
+    };
+    let hollows = inner().filter(is_hollow).count();
+    assert!(hollows * 200 < inner().count(), "{hollows}");
 }

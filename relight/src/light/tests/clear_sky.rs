@@ -87,3 +87,25 @@ fn sky_refuses_what_its_model_does_not_cover() {
     assert!(matches!(Sky::new(0.0, 1.0, f32::NAN), Err(SkyError::Turbidity(_))));
     assert_eq!(Sky::over_ground(0.0, 1.0, 3.0, 1.5).unwrap_err(), SkyError::GroundAlbedo(1.5));
 }
+
+#[test]
+fn dome_is_that_of_the_model() {
+    use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
+
+    for (elevation, turbidity) in [(0.9, 3.0), (0.2, 7.3), (0.0, 1.0)] {
+        let sky = Sky::new(0.7, elevation, turbidity).unwrap();
+        let albedo = [crate::light::sky::DEFAULT_GROUND_ALBEDO; 3];
+        let model = SkyState::new(&SkyParams { elevation, turbidity, albedo }).unwrap();
+        let sun = compass_direction(0.7, elevation);
+        for d in directions(500).filter(|d| d.y > 1e-3) {
+            let channel = |c| model.radiance(d.y.acos(), d.angle_between(sun), c).max(0.0);
+            let expected = Vec3::new(channel(Channel::R), channel(Channel::G), channel(Channel::B));
+            let found = sky.dome_radiance(d);
+            // cos(acos y) costs digits near the zenith and the horizon.
+            assert!(
+                (found - expected).abs().max_element() < 1e-4 * expected.max_element(),
+                "{found} {expected}"
+            );
+        }
+    }
+}

@@ -1,0 +1,349 @@
+//! Direct-to-indirect transport: bounced light as a function of the direct light, whatever shines.
+//!
+//! The mesh is cut into P patches. With R the light that leaves a patch of itself (albedo times direct
+//! irradiance, mean over the patch) and F\[v,p\] the share of the cosine-weighted hemisphere of v that patch p fills,
+//!
+//! E_indirect(v) = Σ_p F\[v,p\] (R + ρ F̄ R + (ρ F̄)² R + ...)\[p\],
+//!
+//! F̄ being the mean of F over the vertices of a patch. Rows of F look alike, so that they are kept in a basis Q of k
+//! vectors (the dominant right singular vectors of F̄): `gather`\[v\] = F\[v\] Q, and all bounces go into
+//! `spread` = Qᵀ (I + ρ F̄ + ...). A frame sums R over patches, multiplies by `spread` once, and takes k products per
+//! vertex. A sun an inch wide costs what an overcast sky costs, and is carried as well.
+//!
+//! Where it breaks: detail of bounced light finer than a patch (the red wall's glow in the first hand's breadth of
+//! the floor: vertices there take the light of their neighbours farther out), and backs of one-sided surfaces, which give nothing back.
+//!
+//! Based on: M. Hašan, F. Pellacini, K. Bala, Direct-to-Indirect Transfer for Cinematic Relighting, 2006; N. Halko,
+//! P. Martinsson, J. Tropp, Finding Structure with Randomness, 2011 (subspace iteration).
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::Vec3;
+use lunette_ffi as ffi;
+use lunette_scenes::Scene;
+use rayon::prelude::*;
+
+use crate::fill;
+use crate::gather::{Pass, lane_of, packet, vertices};
+use crate::sampling::{HemisphereSets, LANES, hash};
+use crate::{Error, Progress, Surface};
+
+/// What is stored.
+pub struct Carrier {
+    /// Patch of each vertex, \[V\].
+    pub patch: Vec<u16>,
+    /// Direct reflected light of patches to basis, all bounces, \[P, k, 3\].
+    pub spread: Vec<f32>,
+    /// Basis to vertices, \[V, k\].
+    pub gather: Vec<f32>,
+    /// P.
+    pub n_patches: usize,
+    /// k.
+    pub rank: usize,
+}
+
+/// How fine.
+#[derive(Clone, Copy, Debug)]
+pub struct CarrierOptions {
+    /// Most patches, 16..=65535. Detail of bounced light.
+    pub patches: usize,
+    /// k: 2 k bytes per vertex.
+    pub rank: usize,
+    /// Rays per vertex.
+    pub rays: usize,
+    /// How often light may bounce, 1 and up.
+    pub bounces: usize,
+    /// Seed.
+    pub seed: u64,
+}
+
+/// Rays per vertex for the patch-to-patch shares; each patch averages over its vertices.
+const PATCH_RAYS: usize = 64;
+
+/// A vertex of whose view one patch fills more than this lies in a corner: its row is not smooth, and what is left of it in
+/// the basis rings.
+const LARGEST_SHARE: f32 = 0.1;
+
+/// Subspace iterations: singular values of form factors fall fast, two leave no more than sampling noise.
+const POWER_ITERATIONS: usize = 2;
+
+/// Weight of a normal against a position in the cutting of patches, in diagonals of the scene: opposite sides of a wall
+/// must part.
+const NORMAL_WEIGHT: f32 = 0.25;
+
+/// Casts the rays and finds patches, basis and rows.
+pub fn carrier(
+    scene: &Scene,
+    surface: &Surface,
+    options: &CarrierOptions,
+    buried: &[usize],
+    progress: &dyn Progress,
+) -> Result<Carrier, Error> {
+    let n_vertices = scene.mesh.position.len();
+    let area = scene.mesh.vertex_area();
+    let albedo = scene.vertex_albedo();
+    let patch = cut(scene, &area, options.patches.min(n_vertices.div_ceil(4)).max(1));
+    let n_patches = patch.iter().max().map_or(0, |&p| p as usize + 1);
+    let rank = options.rank.min(n_patches);
+    let rho = mean_albedo(&patch, n_patches, &area, &albedo);
+
+    let done = std::sync::atomic::AtomicU64::new(0);
+    let total = (n_vertices * (PATCH_RAYS + options.rays.next_multiple_of(LANES))) as u64;
+    let sets = HemisphereSets::new(PATCH_RAYS, hash(options.seed, 0xf0));
+    let pass =
+        Pass { surface, sets: &sets, order: 0, seed: options.seed, stage: "patches", total, done: &done };
+    let shares = patch_shares(&pass, &patch, n_patches, &area, progress)?;
+    let basis = dominant(&shares, n_patches, rank, options.seed);
+
+    let sets = HemisphereSets::new(options.rays, hash(options.seed, 0xf1));
+    let pass = Pass { sets: &sets, stage: "direct to indirect", ..pass };
+    let mut gather = vec![0.0; n_vertices * rank];
+    let near: Vec<AtomicBool> = (0..n_vertices).map(|_| AtomicBool::new(false)).collect();
+    vertices(&pass, rank, &mut gather, progress, |v, row| {
+        row.fill(0.0);
+        let mut shares = vec![0.0f32; n_patches];
+        for_each_patch_hit(&pass, &patch, v, |p, share| {
+            shares[p] += share;
+            for (out, q) in row.iter_mut().zip(&basis[p * rank..][..rank]) {
+                *out += share * q;
+            }
+        });
+        let largest = shares.iter().copied().fold(0.0, f32::max);
+        near[v].store(largest > LARGEST_SHARE, Ordering::Relaxed);
+    })?;
+    // What the basis cannot hold takes its neighbours' rows, as buried vertices do.
+    let odd =
+        (0..n_vertices).filter(|&v| near[v].load(Ordering::Relaxed) || buried.binary_search(&v).is_ok());
+    fill::donors(&scene.mesh, &odd.collect::<Vec<_>>()).fill(&mut gather, rank);
+    let spread = spread(&shares, &basis, &rho, n_patches, rank, options.bounces);
+    Ok(Carrier { patch, spread, gather, n_patches, rank })
+}
+
+/// Cuts the vertices into at most `most` patches, halving the heaviest along its widest extent in space and normal.
+fn cut(scene: &Scene, area: &[f32], most: usize) -> Vec<u16> {
+    let (low, high) = scene.mesh.bounds();
+    let weight = NORMAL_WEIGHT * (high - low).length();
+    let key = |v: usize| {
+        let (p, n) = (scene.mesh.position[v], scene.mesh.normal[v] * weight);
+        [p.x, p.y, p.z, n.x, n.y, n.z]
+    };
+    let all: Vec<usize> = (0..area.len()).collect();
+    let weigh = |list: &[usize]| list.iter().map(|&v| f64::from(area[v])).sum::<f64>();
+    // The heaviest patch first; the number breaks ties, so that the order is the same everywhere.
+    let mut heap = std::collections::BTreeMap::from([((weigh(&all).to_bits(), 0usize), all)]);
+    let mut finished: Vec<Vec<usize>> = Vec::new();
+    let mut next = 1;
+    while heap.len() + finished.len() < most {
+        let Some((_, mut list)) = heap.pop_last() else { break };
+        let extent = |axis: usize| {
+            let values = list.iter().map(|&v| key(v)[axis]);
+            let (lo, hi) = values.fold((f32::MAX, f32::MIN), |(lo, hi), x| (lo.min(x), hi.max(x)));
+            hi - lo
+        };
+        let axis = (0..6).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0);
+        if list.len() < 2 || extent(axis) <= 0.0 {
+            finished.push(list);
+            continue;
+        }
+        list.sort_by(|&a, &b| key(a)[axis].total_cmp(&key(b)[axis]).then(a.cmp(&b)));
+        let middle = middle(&list, area);
+        let rest = list.split_off(middle);
+        for part in [list, rest] {
+            heap.insert((weigh(&part).to_bits(), next), part);
+            next += 1;
+        }
+    }
+    let mut patch = vec![0u16; area.len()];
+    for (p, list) in finished.iter().chain(heap.values()).enumerate() {
+        list.iter().for_each(|&v| patch[v] = p as u16);
+    }
+    patch
+}
+
+/// Where a sorted list has half of its area on each side; never at an end.
+fn middle(list: &[usize], area: &[f32]) -> usize {
+    let half: f64 = 0.5 * list.iter().map(|&v| f64::from(area[v])).sum::<f64>();
+    let mut sum = 0.0;
+    let at = list.iter().take_while(|&&v| {
+        sum += f64::from(area[v]);
+        sum < half
+    });
+    at.count().clamp(1, list.len() - 1)
+}
+
+fn mean_albedo(patch: &[u16], n_patches: usize, area: &[f32], albedo: &[Vec3]) -> Vec<Vec3> {
+    let mut sums = vec![(Vec3::ZERO, 0.0f32); n_patches];
+    for ((&p, &a), &rho) in patch.iter().zip(area).zip(albedo) {
+        let sum = &mut sums[p as usize];
+        *sum = (sum.0 + a * rho, sum.1 + a);
+    }
+    sums.into_iter().map(|(rho, a)| if a > 0.0 { rho / a } else { Vec3::ZERO }).collect()
+}
+
+/// Calls `add` with the patch and share of each ray of `v` that meets the front of a surface.
+fn for_each_patch_hit(pass: &Pass, patch: &[u16], v: usize, mut add: impl FnMut(usize, f32)) {
+    let (set, frame) = pass.sets.at(v, pass.surface.mesh.normal[v]);
+    for local in set {
+        let (mut rays, world) = packet(pass.surface.origin[v], &frame, local);
+        let mut hits = ffi::Hits::<LANES>::default();
+        pass.surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
+        for (lane, z) in local.z.into_iter().enumerate() {
+            let Some(hit) = hits.get(&rays, lane) else { continue };
+            if lane_of(&world, lane).dot(Vec3::from(hit.normal)) < 0.0 {
+                let corners = pass.surface.mesh.index[hit.primitive as usize];
+                let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+                let nearest = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
+                add(patch[corners[nearest] as usize] as usize, 2.0 * z / pass.sets.n_rays() as f32);
+            }
+        }
+    }
+}
+
+/// F̄, \[P, P\]: of what each patch sees, the share that each other patch fills.
+fn patch_shares(
+    pass: &Pass,
+    patch: &[u16],
+    n_patches: usize,
+    area: &[f32],
+    progress: &dyn Progress,
+) -> Result<Vec<f32>, Error> {
+    let mut members: Vec<Vec<usize>> = vec![Vec::new(); n_patches];
+    for (v, &p) in patch.iter().enumerate() {
+        members[p as usize].push(v);
+    }
+    let mut shares = vec![0.0; n_patches * n_patches];
+    shares.par_chunks_mut(n_patches).zip(&members).try_for_each(|(row, members)| {
+        if progress.cancelled() {
+            return Err(Error::Cancelled);
+        }
+        let sum: f32 = members.iter().map(|&v| area[v]).sum();
+        for &v in members {
+            let weight = area[v] / sum.max(f32::MIN_POSITIVE);
+            for_each_patch_hit(pass, patch, v, |p, share| row[p] += weight * share);
+        }
+        let rays = (members.len() * pass.sets.n_rays()) as u64;
+        let done = pass.done.fetch_add(rays, Ordering::Relaxed);
+        progress.report(pass.stage, done + rays, pass.total);
+        Ok(())
+    })?;
+    Ok(shares)
+}
+
+/// An orthonormal basis, \[P, k\], of the dominant right singular vectors of `a`, \[P, P\].
+fn dominant(a: &[f32], p: usize, k: usize, seed: u64) -> Vec<f32> {
+    let unit = |h: u64| (h >> 40) as f32 / (1 << 24) as f32 - 0.5;
+    let mut q: Vec<f32> = (0..p * k).map(|i| unit(hash(seed ^ 0x9a11, i as u64))).collect();
+    orthonormalise(&mut q, p, k);
+    for _ in 0..=POWER_ITERATIONS {
+        let y = multiply(a, Transposed::No, &q, p, p, k);
+        q = multiply(a, Transposed::Yes, &y, p, p, k);
+        orthonormalise(&mut q, p, k);
+    }
+    q
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Transposed {
+    No,
+    Yes,
+}
+
+/// A B or Aᵀ B for row-major A \[m, n\] and B with k columns. The inner loop runs along a row of B, which stays in
+/// the first cache level with the band of the result.
+fn multiply(a: &[f32], transposed: Transposed, b: &[f32], m: usize, n: usize, k: usize) -> Vec<f32> {
+    const BAND: usize = 32;
+    let rows = if transposed == Transposed::No { m } else { n };
+    let inner = if transposed == Transposed::No { n } else { m };
+    let mut out = vec![0.0; rows * k];
+    out.par_chunks_mut(BAND * k).enumerate().for_each(|(band, out)| {
+        for j in 0..inner {
+            let b = &b[j * k..][..k];
+            for (i, out) in out.chunks_exact_mut(k).enumerate() {
+                let i = band * BAND + i;
+                let factor = if transposed == Transposed::No { a[i * n + j] } else { a[j * n + i] };
+                if factor != 0.0 {
+                    out.iter_mut().zip(b).for_each(|(o, b)| *o += factor * b);
+                }
+            }
+        }
+    });
+    out
+}
+
+/// Modified Gram-Schmidt on the columns of \[p, k\], twice, in f64; a column that vanishes becomes zero.
+fn orthonormalise(q: &mut [f32], p: usize, k: usize) {
+    let mut columns: Vec<Vec<f64>> =
+        (0..k).map(|j| (0..p).map(|i| f64::from(q[i * k + j])).collect()).collect();
+    for j in 0..k {
+        for _ in 0..2 {
+            let (before, rest) = columns.split_at_mut(j);
+            let column = &mut rest[0];
+            for other in before.iter() {
+                let dot: f64 = other.iter().zip(column.iter()).map(|(a, b)| a * b).sum();
+                column.iter_mut().zip(other).for_each(|(c, o)| *c -= dot * o);
+            }
+        }
+        let length = columns[j].iter().map(|x| x * x).sum::<f64>().sqrt();
+        let scale = if length > 1e-12 { 1.0 / length } else { 0.0 };
+        columns[j].iter_mut().for_each(|x| *x *= scale);
+    }
+    for (i, row) in q.chunks_exact_mut(k).enumerate() {
+        row.iter_mut().zip(&columns).for_each(|(out, column)| *out = column[i] as f32);
+    }
+}
+
+/// Qᵀ (I + ρ F̄ + (ρ F̄)² + ... up to B-1), as \[P, k, 3\].
+fn spread(shares: &[f32], basis: &[f32], rho: &[Vec3], p: usize, k: usize, bounces: usize) -> Vec<f32> {
+    let mut out = vec![0.0; p * k * 3];
+    for c in 0..3 {
+        // Transposed throughout: Z \[P, k\] <- Q + F̄ᵀ ρ Z.
+        let mut z = basis.to_vec();
+        for _ in 1..bounces {
+            let mut reflected = z.clone();
+            for (row, rho) in reflected.chunks_exact_mut(k).zip(rho) {
+                row.iter_mut().for_each(|x| *x *= rho[c]);
+            }
+            let mut next = multiply(shares, Transposed::Yes, &reflected, p, p, k);
+            next.iter_mut().zip(basis).for_each(|(n, q)| *n += q);
+            let change: f64 = next.iter().zip(&z).map(|(a, b)| f64::from((a - b).abs())).sum();
+            let size: f64 = next.iter().map(|a| f64::from(a.abs())).sum();
+            z = next;
+            if change < 1e-5 * size {
+                break;
+            }
+        }
+        out.chunks_exact_mut(3).zip(&z).for_each(|(o, z)| o[c] = *z);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dominant_vectors_span_a_matrix_of_low_rank() {
+        // A sum of three outer products: three vectors must carry all of it.
+        let p = 40;
+        let f = |i: usize, j: usize| {
+            (i as f32 * 0.3).sin() * (j as f32 * 0.7).cos() + 0.2 * (i as f32) * (j as f32 * 0.1).sin() + 1.0
+        };
+        let a: Vec<f32> = (0..p * p).map(|i| f(i / p, i % p)).collect();
+        let q = dominant(&a, p, 3, 1);
+        let u = multiply(&a, Transposed::No, &q, p, p, 3);
+        for i in 0..p {
+            for j in 0..p {
+                let back: f32 = (0..3).map(|k| u[i * 3 + k] * q[j * 3 + k]).sum();
+                // f32 rounding of values up to nine.
+                assert!((back - a[i * p + j]).abs() < 1e-4, "{i} {j}");
+            }
+        }
+    }
+
+    #[test]
+    fn spread_of_a_white_enclosure_adds_up_the_bounces() {
+        // Two patches that see only each other, albedo a half: 1 + 1/2 + 1/4 for three bounces.
+        let z = spread(&[0.0, 1.0, 1.0, 0.0], &[1.0, 0.0, 0.0, 1.0], &[Vec3::splat(0.5); 2], 2, 2, 3);
+        assert!((z[0] + z[3] + z[6] + z[9] - 2.0 * 1.75).abs() < 1e-6, "{z:?}");
+    }
+}

@@ -1,0 +1,250 @@
+//! Portals of built-in scenes, with their panes and without, and of real ones where they are at hand.
+
+use glam::vec3;
+use lunette_scenes::{LoadOptions, load, take_portals};
+
+use super::*;
+use crate::Silent;
+
+fn built(name: &str) -> Scene {
+    load(name, &LoadOptions::default()).unwrap()
+}
+
+/// The panes taken out, and the scene without them.
+fn opened(name: &str) -> (Scene, Vec<Portal>) {
+    let mut scene = built(name);
+    let panes = take_portals(&mut scene, &["glass*".to_string()]).unwrap();
+    (scene, panes)
+}
+
+fn found(scene: &Scene, cells: usize, grouping: Grouping) -> Vec<Portal> {
+    find(scene, &Options { cells, grouping, ..Options::default() }, &Silent).unwrap()
+}
+
+fn area(portals: &[Portal]) -> f32 {
+    portals.iter().map(Portal::area).sum()
+}
+
+/// Smallest and largest corner.
+fn bounds(portal: &Portal) -> [Vec3; 2] {
+    let corners = || portal.triangles.iter().flatten().copied();
+    [corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max)]
+}
+
+#[test]
+fn panes_are_found_to_the_last_triangle() {
+    for name in ["box-room:edge=0.4", "skylight-box:edge=0.4", "chapel:bays=2,edge=0.8", "car:edge=0.15"] {
+        let (_, panes) = opened(name);
+        let portals = found(&built(name), 30_000, Grouping::Joined);
+        assert_eq!(portals.len(), panes.len(), "{name}");
+        for (portal, pane) in portals.iter().zip(&panes) {
+            assert_eq!((&portal.name, portal.transmission), (&pane.name, pane.transmission));
+            assert_eq!(portal.triangles.len(), pane.triangles.len(), "{name}: {}", pane.name);
+            // All panes of these scenes face inwards already.
+            assert!(portal.normal.dot(pane.normal) > 0.999, "{name}: {}", pane.name);
+        }
+    }
+}
+
+#[test]
+fn hole_of_a_room_is_its_window() {
+    let (scene, panes) = opened("box-room:edge=0.4");
+    let portals = found(&scene, 30_000, Grouping::Apart);
+    let [hole] = &portals[..] else { panic!("{} holes", portals.len()) };
+    // Edges are bisected to a thousandth of a sample, a sample is a quarter of a cell of 0.14 m; corners are cut off
+    // straight where an edge's end is a sample short.
+    assert!((hole.area() / area(&panes) - 1.0).abs() < 0.005, "{}", hole.area());
+    let [low, high] = bounds(hole);
+    // Somewhere in the reveal, which is 0.25 m deep.
+    assert!(low.x > -2.26 && high.x < -1.99 && hole.normal.x > 0.98, "{low} {high}");
+    assert!(
+        (low - vec3(low.x, 1.0, -0.8)).length() < 0.01 && (high - vec3(high.x, 2.2, 0.8)).length() < 0.01
+    );
+}
+
+#[test]
+fn holes_have_nearly_the_area_of_their_panes() {
+    // Skylight 0.3 % (as above); the chapel's apse has windows in a round wall, whose reveals widen outwards; the
+    // car's are bent: flat polygons through their rims are off by some percent.
+    for (name, cells, tolerance) in [
+        ("skylight-box:edge=0.4", 60_000, 0.005),
+        ("chapel:bays=2,edge=0.8", 60_000, 0.04),
+        ("car:edge=0.15", 60_000, 0.08),
+    ] {
+        let (scene, panes) = opened(name);
+        let portals = found(&scene, cells, Grouping::Joined);
+        let [holes] = &portals[..] else { panic!("{name}: {} portals", portals.len()) };
+        let share = holes.area() / area(&panes);
+        assert!((share - 1.0).abs() < tolerance, "{name}: {share}");
+    }
+}
+
+#[test]
+fn wall_that_is_missing_is_one_hole() {
+    // A cube without its front, with a block inside that hides a quarter of a smaller section.
+    let mut scene = cuboid(vec3(-1.0, 0.0, -1.0), vec3(1.0, 2.0, 1.0));
+    scene.mesh.index.retain(|t| !t.iter().all(|&v| scene.mesh.position[v as usize].z == 1.0));
+    let block = cuboid(vec3(-0.9, 0.0, -0.5), vec3(0.1, 1.0, 0.3));
+    append(&mut scene, &block);
+    let portals = found(&scene, 20_000, Grouping::Apart);
+    let [front] = &portals[..] else { panic!("{} holes", portals.len()) };
+    // The rim's depth is bisected, its sides are the walls.
+    assert!((front.area() - 4.0).abs() < 0.04 && front.normal.z < -0.999, "{}", front.area());
+    assert!((front.centre() - vec3(0.0, 1.0, 1.0)).length() < 0.02, "{}", front.centre());
+}
+
+#[test]
+fn drinking_glass_is_no_portal() {
+    let mut scene = built("box-room:edge=0.4");
+    let glass =
+        scene.mesh.material.iter().position(|&m| scene.materials[m as usize].name == "glass").unwrap();
+    let mut cup = cuboid(vec3(0.9, 0.5, 0.9), vec3(1.2, 0.9, 1.2));
+    cup.mesh.material.fill(scene.mesh.material[glass]);
+    append(&mut scene, &cup);
+    let portals = found(&scene, 30_000, Grouping::Joined);
+    assert!(portals.len() == 1 && (area(&portals) - 1.92).abs() < 1e-3, "{}", area(&portals));
+}
+
+#[test]
+fn panes_between_bars_are_one_window() {
+    // Four panes of 0.6 x 0.4 m with bars of 0.06 m, in a wall of a closed room.
+    let mut scene = opened("box-room:edge=0.4,window-width=1.26,window-height=0.86").0;
+    let bar = |low: Vec3, high: Vec3| cuboid(low, high);
+    append(&mut scene, &bar(vec3(-2.2, 1.0, -0.03), vec3(-2.1, 2.2, 0.03)));
+    append(&mut scene, &bar(vec3(-2.2, 1.57, -0.7), vec3(-2.1, 1.63, 0.7)));
+    let joined = found(&scene, 60_000, Grouping::Apart);
+    let [window] = &joined[..] else { panic!("{} holes", joined.len()) };
+    // Within the reveal, whose area is 1.0836 m².
+    assert!((window.area() - 1.0836).abs() < 0.02, "{}", window.area());
+    let apart = Options { cells: 60_000, widest_bar: 0.0, grouping: Grouping::Apart, ..Options::default() };
+    let panes = find(&scene, &apart, &Silent).unwrap();
+    assert!(panes.len() == 4 || (panes.len() == 1 && panes[0].area() > 1.05), "{} holes", panes.len());
+}
+
+#[test]
+fn scenes_without_inside_or_outside_have_no_portals() {
+    let closed = cuboid(Vec3::ZERO, Vec3::ONE);
+    for scene in [built("plane:n=8"), built("sphere-on-plane:edge=0.4"), closed] {
+        assert!(found(&scene, 5_000, Grouping::Joined).is_empty());
+    }
+}
+
+#[test]
+fn finding_is_the_same_on_any_number_of_threads() {
+    let (scene, _) = opened("box-room:edge=0.4");
+    let with =
+        |threads| find(&scene, &Options { cells: 10_000, threads, ..Options::default() }, &Silent).unwrap();
+    assert_eq!(with(1), with(3));
+}
+
+#[test]
+fn options_out_of_range_are_refused_in_one_line() {
+    let scene = built("plane:n=2");
+    let wrong = [
+        Options { cells: 10, ..Options::default() },
+        Options { smallest_area: f32::NAN, ..Options::default() },
+        Options { widest_bar: -1.0, ..Options::default() },
+    ];
+    for options in wrong {
+        let text = find(&scene, &options, &Silent).unwrap_err().to_string();
+        assert!(text.starts_with("--") && text.lines().count() == 1, "{text}");
+    }
+}
+
+#[test]
+fn windows_are_turned_inside_one_by_one() {
+    let (scene, mut panes) = opened("chapel:bays=2,edge=0.8");
+    let straight = panes.clone();
+    assert_eq!(orient(&scene, &mut panes).unwrap(), 0);
+    assert_eq!(panes, straight);
+    let windows = panes[0].windows();
+    let turned = windows.iter().enumerate().flat_map(|(i, w)| {
+        let mut w = w.clone();
+        if i % 2 == 0 {
+            w.flip();
+        }
+        w.triangles
+    });
+    let mut mixed = vec![Portal::new(&panes[0].name, turned.collect(), panes[0].transmission).unwrap()];
+    assert_eq!(orient(&scene, &mut mixed).unwrap(), windows.len().div_ceil(2));
+    // Corners of a triangle that was turned twice begin elsewhere at most.
+    let crosses =
+        |p: &Portal| p.triangles.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a)).collect::<Vec<_>>();
+    assert!(crosses(&mixed[0]).iter().all(|c| crosses(&straight[0]).iter().any(|d| c.distance(*d) < 1e-6)));
+}
+
+#[test]
+fn light_that_enters_elsewhere_is_a_share() {
+    let (scene, panes) = opened("chapel:bays=2,edge=0.8");
+    let all = leak_share(&scene, &panes).unwrap();
+    assert!(all == 0.0, "{all}");
+    // Without the rose and the east windows: they have 13.8 m² of 36.2.
+    let some = leak_share(&scene, &panes[..1]).unwrap();
+    assert!((0.1..0.7).contains(&some), "{some}");
+    assert_eq!(leak_share(&scene, &[]).unwrap(), 0.0);
+}
+
+#[test]
+fn holes_that_were_found_let_nearly_no_light_pass_beside_them() {
+    let (scene, _) = opened("box-room:edge=0.4");
+    let portals = found(&scene, 30_000, Grouping::Joined);
+    // The polygon's edges lie within a millimetre of the reveal's.
+    let leak = leak_share(&scene, &portals).unwrap();
+    assert!(leak < 0.01, "{leak}");
+}
+
+#[test]
+fn real_rooms_have_their_known_openings() {
+    // Known from the meshes: the front of the box; the free section between the eaves, found by vertical rays;
+    // four windows with frames within 0.95 x 1.7, 0.85 x 1.7 and twice 0.9 x 1.6 m, and a flue.
+    for (path, largest, n_large, total) in [
+        ("cornell_box/CornellBox-Original.obj", 4.01, 1, [3.9, 4.1]),
+        ("sponza/sponza.obj", 104.7, 1, [104.0, 107.0]),
+        ("living_room/living_room.obj", 1.38, 4, [4.8, 6.0]),
+    ] {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/assets/interiors");
+        let path = folder.join(path);
+        if !path.exists() {
+            println!("skipped: {} is not there", path.display());
+            continue;
+        }
+        let scene = load(&path.to_string_lossy(), &LoadOptions::default()).unwrap();
+        let portals = found(&scene, 60_000, Grouping::Apart);
+        let areas: Vec<f32> = portals.iter().map(Portal::area).collect();
+        // Outlines through frames and bars differ by a bar's width between grids.
+        assert!((areas[0] / largest - 1.0).abs() < 0.15, "{}: {areas:?}", path.display());
+        let large = areas.iter().filter(|a| **a > 0.75 * largest).count();
+        assert_eq!(large, n_large, "{}: {areas:?}", path.display());
+        assert!((total[0]..total[1]).contains(&areas.iter().sum::<f32>()), "{}: {areas:?}", path.display());
+    }
+}
+
+/// A box of six faces looking inwards.
+fn cuboid(low: Vec3, high: Vec3) -> Scene {
+    let corner = |i: u32| {
+        let pick = |bit: u32, axis: usize| if i >> bit & 1 == 1 { high[axis] } else { low[axis] };
+        vec3(pick(0, 0), pick(1, 1), pick(2, 2))
+    };
+    let faces = [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]];
+    let mut scene =
+        Scene { materials: vec![Default::default()], groups: vec!["box".into()], ..Scene::default() };
+    let mesh = &mut scene.mesh;
+    mesh.position = (0..8).map(corner).collect();
+    mesh.normal = vec![Vec3::Y; 8];
+    mesh.index = faces.iter().flat_map(|f| [[f[0], f[1], f[2]], [f[0], f[2], f[3]]]).collect();
+    mesh.material = vec![0; 12];
+    mesh.group = vec![0; 12];
+    scene
+}
+
+fn append(scene: &mut Scene, more: &Scene) {
+    let mesh = &mut scene.mesh;
+    let first = mesh.position.len() as u32;
+    mesh.material.resize(mesh.index.len(), 0);
+    mesh.group.resize(mesh.index.len(), 0);
+    mesh.position.extend(&more.mesh.position);
+    mesh.normal.extend(&more.mesh.normal);
+    mesh.index.extend(more.mesh.index.iter().map(|t| t.map(|v| v + first)));
+    mesh.material.extend(&more.mesh.material);
+    mesh.group.extend(&more.mesh.group);
+}

@@ -1,0 +1,346 @@
+//! Portal shells: direct transfer through each opening on a cubemap, bounced light as SH or direct-to-indirect.
+//!
+//! Portal by portal, so that memory grows with vertices and not with vertices times texels times portals: the rows
+//! of a block of vertices are computed dense, encoded, and appended in order.
+//!
+//! Bounced SH light can start from two places. *Photons* leave the portal and are gathered once at the end, as in the
+//! paper. *Gathering* starts from the direct light at the vertices, which is known exactly from the rows, and
+//! iterates. Both are kept; the second has less noise for the same time and is the default.
+//!
+//! Based on: Y. Yue et al., Interactive Rendering of Interior Scenes with Dynamic Environment Illumination, 2009.
+
+mod direct;
+mod footprint;
+mod gate;
+mod orient;
+
+use std::borrow::Cow;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use lunette_relight::asset::{Asset, Data, Shell};
+use lunette_relight::cubemap::RESOLUTIONS;
+use lunette_relight::sparse::{self, Encoder, Encoding, RowStore};
+use lunette_scenes::{Portal, Scene};
+use rayon::prelude::*;
+
+use crate::carrier::{CarrierOptions, carrier};
+use crate::energy::{self, BandEnergy};
+use crate::fill::{self, Donors};
+use crate::gather::{Arriving, Pass, bounced, buried};
+use crate::photon::{self, Emission};
+use crate::sampling::{HemisphereSets, hash};
+use crate::{Error, Options, Progress, Surface, mesh_asset};
+use direct::{Aim, Row};
+pub use gate::Gates;
+
+/// Where bounced SH light starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// The direct light at the vertices.
+    Gathering,
+    /// Photons, this many per portal, and one final gathering.
+    Photons(u64),
+}
+
+/// What portals need beyond [`Options`].
+#[derive(Clone, Copy, Debug)]
+pub struct PortalOptions {
+    /// Texels on a side of a cubemap's face, 8, 16, 32 or 64.
+    pub resolution: usize,
+    /// Bounced SH light.
+    pub start: Start,
+    /// Share of the light's greatest possible energy at which `--order auto` stops, 0..=1; none keeps
+    /// [`Options::indirect_order`].
+    pub energy_share: Option<f64>,
+    /// Direct-to-indirect transport: most patches and rank; none leaves it out.
+    pub carrier: Option<(usize, usize)>,
+}
+
+impl Default for PortalOptions {
+    fn default() -> Self {
+        PortalOptions {
+            resolution: 32,
+            start: Start::Gathering,
+            energy_share: None,
+            carrier: Some((2048, 128)),
+        }
+    }
+}
+
+/// What a portal bake found out, for the user.
+#[derive(Clone, Debug, Default)]
+pub struct PortalReport {
+    /// Per portal: bytes of direct rows, vertices by area sampling, share of light lost to quantisation.
+    pub lines: Vec<String>,
+    /// Energy of each SH band of bounced light, over all portals.
+    pub energy: Vec<BandEnergy>,
+}
+
+/// Vertices encoded at a time.
+const BLOCK: usize = 1024;
+
+/// Rays by which a vertex is judged buried.
+const BURIAL_RAYS: usize = 64;
+
+/// Bakes a scene that is lit through portals; `scene` is without the portals' triangles.
+///
+/// # Errors
+/// As [`crate::bake`], and when there is no portal.
+pub fn bake_portals(
+    scene: &Scene,
+    portals: &[Portal],
+    options: &Options,
+    portal_options: &PortalOptions,
+    progress: &dyn Progress,
+) -> Result<(Asset<'static>, PortalReport), Error> {
+    options.check()?;
+    check(portals, portal_options)?;
+    if scene.mesh.index.is_empty() {
+        return Err(Error::EmptyScene);
+    }
+    crate::pool(options.threads)?.install(|| {
+        let surface = Surface::new(scene)?;
+        let portals = &orient::inwards(portals, &surface);
+        let gates = Gates::new(portals)?;
+        let sets = HemisphereSets::new(BURIAL_RAYS, hash(options.seed, u64::MAX));
+        let all: Vec<usize> = (0..scene.mesh.position.len()).collect();
+        let buried = buried(&surface, &sets, &all);
+        let donors = fill::donors(&scene.mesh, &buried);
+        let work = Work {
+            scene,
+            surface: &surface,
+            gates: &gates,
+            portals,
+            options,
+            portal_options,
+            progress,
+            donors,
+            buried,
+        };
+        work.run()
+    })
+}
+
+fn check(portals: &[Portal], options: &PortalOptions) -> Result<(), Error> {
+    if portals.is_empty() {
+        return Err(Error::Option {
+            name: "portal",
+            what: "there is no portal; name one or let `lunette portals` find some".into(),
+        });
+    }
+    if !RESOLUTIONS.contains(&options.resolution) {
+        return Err(Error::Option {
+            name: "resolution",
+            what: format!("{} is not 8, 16, 32 or 64", options.resolution),
+        });
+    }
+    Ok(())
+}
+
+struct Work<'a> {
+    scene: &'a Scene,
+    surface: &'a Surface<'a>,
+    gates: &'a Gates,
+    portals: &'a [Portal],
+    options: &'a Options,
+    portal_options: &'a PortalOptions,
+    progress: &'a dyn Progress,
+    donors: Donors,
+    /// Vertices inside other geometry, ascending.
+    buried: Vec<usize>,
+}
+
+impl Work<'_> {
+    fn run(&self) -> Result<(Asset<'static>, PortalReport), Error> {
+        let mut asset = mesh_asset(self.scene);
+        asset.metadata.seed = self.options.seed;
+        asset.metadata.options = self.options.describe();
+        asset.metadata.options.insert("resolution".into(), self.portal_options.resolution.into());
+        let mut report = PortalReport::default();
+        let (order, mut rows_of_portals) = (self.options.indirect_order, Vec::new());
+        for (k, portal) in self.portals.iter().enumerate() {
+            asset.metadata.shells.push(Shell {
+                name: portal.name.clone(),
+                centre: Some(portal.centre().to_array()),
+                normal: Some(portal.normal.to_array()),
+                area: Some(portal.area()),
+            });
+            let direct_sh = self.direct(k, &mut asset, &mut report)?;
+            if self.options.bounces > 0 && order > 0 {
+                rows_of_portals.push(self.bounced(k, &direct_sh)?);
+            }
+        }
+        self.insert_bounced(&mut asset, &rows_of_portals, &mut report);
+        self.insert_carrier(&mut asset)?;
+        Ok((asset, report))
+    }
+
+    /// Encodes the rows of portal `k`; gives their SH transfer, \[V, m²\].
+    fn direct(
+        &self,
+        k: usize,
+        asset: &mut Asset<'static>,
+        report: &mut PortalReport,
+    ) -> Result<Vec<f32>, Error> {
+        let n = self.portal_options.resolution;
+        let n_vertices = self.scene.mesh.position.len();
+        let order = if self.options.bounces > 0 { self.options.indirect_order } else { 0 };
+        let mut aim = Aim::new(self.surface, self.gates, self.portals, k, n);
+        aim.rays = self.options.rays;
+        aim.order = order;
+        aim.seed = hash(self.options.seed, 0xd1 + k as u64);
+        let source = self.donors.sources(n_vertices);
+        let mut direct_sh = vec![0.0; n_vertices * order * order];
+        let mut store = RowStore::default();
+        let mut worst = 0.0f32;
+        let by_area = AtomicU64::new(0);
+        let width = (order * order).max(1);
+        for first in (0..n_vertices).step_by(BLOCK) {
+            if self.progress.cancelled() {
+                return Err(Error::Cancelled);
+            }
+            let block: Vec<usize> = (first..n_vertices.min(first + BLOCK)).collect();
+            let encoded: Vec<(sparse::Row, Vec<f32>)> = block
+                .par_iter()
+                .map_init(
+                    || (Row::new(n, order), Encoder::new(n, Encoding::default())),
+                    |(row, encoder), &v| {
+                        aim.row(v, source[v], row);
+                        by_area.fetch_add(u64::from(row.by_area), Ordering::Relaxed);
+                        (encoder.encode(&row.dense), row.sh.clone())
+                    },
+                )
+                .collect();
+            for (v, (row, sh)) in block.iter().zip(encoded) {
+                store.push(&row);
+                worst = worst.max(row.error);
+                if order > 0 {
+                    direct_sh[v * width..][..width].copy_from_slice(&sh);
+                }
+            }
+            let stage = format!("portal {}", self.portals[k].name);
+            self.progress.report(&stage, (first + block.len()) as u64, n_vertices as u64);
+        }
+        report.lines.push(format!(
+            "portal {}: {:.2} m², {} bytes of direct light per vertex ({} % of rows in Haar wavelets), at most {:.1} % of a row lost; area sampling at {} % of the vertices",
+            self.portals[k].name,
+            self.portals[k].area(),
+            store.bytes() / n_vertices,
+            100 * store.n_haar() / n_vertices,
+            100.0 * worst,
+            100 * by_area.into_inner() as usize / n_vertices
+        ));
+        let prefix = format!("portal.{k}.direct");
+        store.insert_into(asset, &prefix, n).map_err(|e| Error::TooLarge(e.to_string()))?;
+        Ok(direct_sh)
+    }
+
+    /// Bounced light of portal `k`, \[V, 3 m²\], red, green, blue.
+    fn bounced(&self, k: usize, direct_sh: &[f32]) -> Result<Vec<f32>, Error> {
+        let m = self.options.indirect_order;
+        let width = 3 * m * m;
+        let n_vertices = self.scene.mesh.position.len();
+        let escapes = |origin, d| self.gates.first(origin, d) == Some(k as u32);
+        let mut rows = vec![0.0; n_vertices * width];
+        let mut last: Vec<f32> =
+            direct_sh.chunks_exact(m * m).flat_map(|row| [row, row, row].concat()).collect();
+        let passes = match self.portal_options.start {
+            Start::Gathering => self.options.bounces,
+            Start::Photons(count) => {
+                last = self.photons(k, count)?;
+                1
+            }
+        };
+        let rays = (self.options.rays / 4).max(128).next_multiple_of(16);
+        let (done, total) = (AtomicU64::new(0), (passes * n_vertices * rays) as u64);
+        let mut before_last = if passes == 1 && self.options.bounces > 1 { last.clone() } else { Vec::new() };
+        for b in 1..=passes {
+            let sets = HemisphereSets::new(rays, hash(self.options.seed, (b + 1000 * (k + 1)) as u64));
+            let stage = format!("bounce {b}");
+            let pass = Pass {
+                surface: self.surface,
+                sets: &sets,
+                order: m,
+                seed: hash(self.options.seed, b as u64),
+                stage: &stage,
+                total,
+                done: &done,
+            };
+            let light = Arriving { last: &last, before_last: &before_last, many: None, escapes: &escapes };
+            bounced(&pass, &light, &mut rows, self.progress)?;
+            self.donors.fill(&mut rows, width);
+            if b < passes {
+                let mut next = rows.clone();
+                for (row, direct) in next.chunks_exact_mut(width).zip(direct_sh.chunks_exact(m * m)) {
+                    for plane in row.chunks_exact_mut(m * m) {
+                        plane.iter_mut().zip(direct).for_each(|(a, d)| *a += d);
+                    }
+                }
+                before_last = std::mem::replace(&mut last, next);
+            }
+        }
+        Ok(rows)
+    }
+
+    /// All light at the vertices but the last bounce, by photons.
+    fn photons(&self, k: usize, count: u64) -> Result<Vec<f32>, Error> {
+        let m2 = self.options.indirect_order.pow(2);
+        let n_vertices = self.scene.mesh.position.len();
+        let emission = Emission {
+            surface: self.surface,
+            gates: self.gates,
+            portal: &self.portals[k],
+            k: k as u32,
+            order: self.options.indirect_order,
+            hits: self.options.bounces,
+            seed: self.options.seed,
+        };
+        let mut planes = [(); 3].map(|()| vec![0.0; n_vertices * m2]);
+        photon::trace(&emission, 0, count, &self.scene.mesh.vertex_area(), &mut planes, self.progress)?;
+        let per_photon = 1.0 / count as f32;
+        let mut rows = Vec::with_capacity(3 * n_vertices * m2);
+        for v in 0..n_vertices {
+            for plane in &planes {
+                rows.extend(plane[v * m2..][..m2].iter().map(|x| x * per_photon));
+            }
+        }
+        self.donors.fill(&mut rows, 3 * m2);
+        Ok(rows)
+    }
+
+    /// Measures the bands, chooses the order, and stores the rows.
+    fn insert_bounced(&self, asset: &mut Asset<'static>, portals: &[Vec<f32>], report: &mut PortalReport) {
+        let m = self.options.indirect_order;
+        report.energy = energy::bands(portals, m);
+        let order = match self.portal_options.energy_share {
+            Some(share) => energy::order_for(&report.energy, share),
+            None => m,
+        };
+        let n_vertices = self.scene.mesh.position.len();
+        for (k, rows) in portals.iter().enumerate() {
+            let interleaved: Vec<f32> = rows
+                .chunks_exact(3 * m * m)
+                .flat_map(|r| (0..order * order).flat_map(move |i| [r[i], r[m * m + i], r[2 * m * m + i]]))
+                .collect();
+            asset.insert_scaled(
+                &format!("portal.{k}.indirect.sh"),
+                &[n_vertices, order * order, 3],
+                &interleaved,
+            );
+        }
+    }
+
+    fn insert_carrier(&self, asset: &mut Asset<'static>) -> Result<(), Error> {
+        let Some((patches, rank)) = self.portal_options.carrier.filter(|_| self.options.bounces > 0) else {
+            return Ok(());
+        };
+        let rays = (self.options.rays / 2).max(256);
+        let options =
+            CarrierOptions { patches, rank, rays, bounces: self.options.bounces, seed: self.options.seed };
+        let c = carrier(self.scene, self.surface, &options, &self.buried, self.progress)?;
+        asset.insert("indirect.patch", &[c.patch.len()], Data::U16(Cow::Owned(c.patch)));
+        asset.insert("indirect.spread", &[c.n_patches, c.rank, 3], Data::F32(Cow::Owned(c.spread)));
+        asset.insert_scaled("indirect.gather", &[c.gather.len() / c.rank, c.rank], &c.gather);
+        Ok(())
+    }
+}

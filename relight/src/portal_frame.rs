@@ -1,0 +1,338 @@
+//! One frame of an interior lit through its portals.
+//!
+//! ```
+//! # use lunette_relight::{asset::Asset, portal_frame::PortalFrame, shell::{Material, Shell}};
+//! # fn relight(bytes: &[u8], texels: &[[f32; 3]], out: &mut [[f32; 3]]) -> Result<(), Box<dyn std::error::Error>> {
+//! let asset = Asset::from_bytes(bytes)?;
+//! let mut frame = PortalFrame::new(&asset)?;
+//! frame.set_material(0, Material { tint: [1.0, 0.8, 0.6], frost: 0.2 }); // when the glass changes
+//! frame.set_shell(0, Shell::new(frame.resolution(0), texels)?)?; // each time the light outside changes
+//! frame.direct(0, out); // all vertices, or any slice of them, from any thread
+//! frame.reflect(out); // does something only where bounced light is carried from direct light
+//! frame.add_indirect(0, out);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! E(v) = Σ over portals of < direct_k(v), shell_k > + bounced light, either Σ < indirect_k(v), SH of shell_k > or
+//! carried from the direct light of all portals together ([`Carrier`]). A frame does not allocate; setting a frosted
+//! material does.
+//!
+//! Based on: Yue, Iwasaki, Chen, Dobashi and Nishita, Interactive Rendering of Interior Scenes with Dynamic
+//! Environment Illumination, 2009.
+
+use std::fmt;
+
+use half::f16;
+
+use crate::asset::{self, Asset};
+use crate::cubemap::{ShTable, n_texels};
+use crate::dot;
+use crate::frame::Missing;
+use crate::indirect::{Carrier, Indirect};
+use crate::sh::MAX_COEFFICIENTS;
+use crate::shell::{Blur, Material, Shell, ShellError};
+use crate::sparse::{Rows, SparseLight};
+
+/// Why an asset cannot be lit through portals.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum PortalError {
+    /// It was baked without any.
+    NoPortals,
+    /// A portal's rows are broken, which an asset that was read cannot have.
+    Rows(asset::Error),
+}
+
+/// An asset, and the light of the moment in each of its portals.
+pub struct PortalFrame<'a> {
+    portals: Vec<PortalLight<'a>>,
+    tables: Vec<ShTable>,
+    carrier: Option<Carrier<'a>>,
+    indirect: Indirect,
+    n_vertices: usize,
+}
+
+struct PortalLight<'a> {
+    name: String,
+    rows: Rows<'a>,
+    light: SparseLight,
+    lit: Lit,
+    bounced: Option<Bounced<'a>>,
+    material: Material,
+    blur: Option<Blur>,
+    /// The shell behind the glass, and the same as it was captured, so that glass may change by itself.
+    texels: Vec<[f32; 3]>,
+    captured: Vec<[f32; 3]>,
+}
+
+/// Whether there is anything to add up.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Lit {
+    Dark,
+    Bright,
+}
+
+/// SH transfer of bounced light, and the light's coefficients times the tensor's scale.
+struct Bounced<'a> {
+    /// Index of the table for its resolution and order.
+    table: usize,
+    n: usize,
+    rows: &'a [f16],
+    scale: f32,
+    light: [[f32; 3]; MAX_COEFFICIENTS],
+}
+
+impl<'a> PortalFrame<'a> {
+    /// Opens all portals of an asset: all dark, glass clear, bounced light by SH where that is baked, else from
+    /// direct light where that is.
+    ///
+    /// # Errors
+    /// When the asset has no portals, or rows that do not hold together.
+    pub fn new(asset: &'a Asset<'a>) -> Result<PortalFrame<'a>, PortalError> {
+        let mut frame = PortalFrame {
+            portals: Vec::new(),
+            tables: Vec::new(),
+            carrier: Carrier::open(asset),
+            indirect: Indirect::None,
+            n_vertices: asset.n_vertices(),
+        };
+        while let Some(rows) = Rows::open(asset, &format!("portal.{}.direct", frame.portals.len()))? {
+            frame.add_portal(asset, rows);
+        }
+        if frame.portals.is_empty() {
+            return Err(PortalError::NoPortals);
+        }
+        frame.indirect = match (&frame.carrier, frame.portals.iter().any(|p| p.bounced.is_some())) {
+            (_, true) => Indirect::Sh,
+            (Some(_), false) => Indirect::DirectToIndirect,
+            (None, false) => Indirect::None,
+        };
+        Ok(frame)
+    }
+
+    fn add_portal(&mut self, asset: &'a Asset<'a>, rows: Rows<'a>) {
+        let (k, n) = (self.portals.len(), rows.n());
+        let shell = asset.metadata.shells.get(k + 1);
+        let dark = vec![[0.0; 3]; n_texels(n)];
+        let bounced = self.bounced(asset, &format!("portal.{k}.indirect.sh"), n);
+        self.portals.push(PortalLight {
+            name: shell.map_or_else(|| format!("portal {k}"), |shell| shell.name.clone()),
+            light: SparseLight::new(n),
+            lit: Lit::Dark,
+            bounced,
+            material: Material::CLEAR,
+            blur: None,
+            texels: dark.clone(),
+            captured: dark,
+            rows,
+        });
+    }
+
+    fn bounced(&mut self, asset: &'a Asset<'a>, name: &str, n: usize) -> Option<Bounced<'a>> {
+        let (rows, scale) = asset.half(name)?;
+        let order = asset.order(name)?;
+        let known = self.tables.iter().position(|table| table.n() == n && table.order() == order);
+        let table = known.unwrap_or_else(|| {
+            self.tables.push(ShTable::new(n, order));
+            self.tables.len() - 1
+        });
+        Some(Bounced { table, n: order * order, rows, scale, light: [[0.0; 3]; MAX_COEFFICIENTS] })
+    }
+
+    /// Portals.
+    pub fn n_portals(&self) -> usize {
+        self.portals.len()
+    }
+
+    /// Name of portal `k`.
+    ///
+    /// # Panics
+    /// When there is no such portal.
+    pub fn name(&self, k: usize) -> &str {
+        &self.portals[k].name
+    }
+
+    /// Texels on a side of the shell that portal `k` wants.
+    ///
+    /// # Panics
+    /// When there is no such portal.
+    pub fn resolution(&self, k: usize) -> usize {
+        self.portals[k].rows.n()
+    }
+
+    /// V.
+    pub fn n_vertices(&self) -> usize {
+        self.n_vertices
+    }
+
+    /// How bounced light is carried.
+    pub fn indirect(&self) -> Indirect {
+        self.indirect
+    }
+
+    /// Chooses how bounced light is carried, see [`Indirect::for_shells`].
+    ///
+    /// # Errors
+    /// When that was not baked.
+    pub fn set_indirect(&mut self, indirect: Indirect) -> Result<(), Missing> {
+        match indirect {
+            Indirect::Sh if self.portals.iter().all(|p| p.bounced.is_none()) => {
+                return Err(Missing { tensor: "portal.0.indirect.sh", basis: "sh" });
+            }
+            Indirect::DirectToIndirect if self.carrier.is_none() => return Err(Missing::carrier()),
+            _ => {}
+        }
+        self.indirect = indirect;
+        Ok(())
+    }
+
+    /// Changes the glass of portal `k` under the shell that it has. Allocates where it frosts.
+    ///
+    /// # Panics
+    /// When there is no such portal.
+    pub fn set_material(&mut self, k: usize, material: Material) {
+        let portal = &mut self.portals[k];
+        if material.frost != portal.material.frost {
+            portal.blur = (material.frost > 0.0).then(|| Blur::new(portal.rows.n(), material.frost));
+        }
+        portal.material = material;
+        portal.project(&self.tables);
+    }
+
+    /// Gives portal `k` the light outside of it, before its glass.
+    ///
+    /// # Errors
+    /// When the shell's resolution is not the portal's.
+    ///
+    /// # Panics
+    /// When there is no such portal.
+    pub fn set_shell(&mut self, k: usize, shell: Shell) -> Result<(), ShellError> {
+        let portal = &mut self.portals[k];
+        if shell.n() != portal.rows.n() {
+            return Err(ShellError::Resolution { baked: portal.rows.n(), given: shell.n() });
+        }
+        portal.captured.copy_from_slice(shell.texels());
+        portal.project(&self.tables);
+        Ok(())
+    }
+
+    /// Writes the direct irradiance of the vertices from `first` on, through all portals.
+    ///
+    /// # Panics
+    /// When there are not that many vertices.
+    pub fn direct(&self, first: usize, out: &mut [[f32; 3]]) {
+        out.fill([0.0; 3]);
+        for portal in self.portals.iter().filter(|p| p.lit == Lit::Bright) {
+            portal.rows.add(first, &portal.light, out);
+        }
+    }
+
+    /// Takes on the direct irradiance of all vertices, from which [`add_indirect`](Self::add_indirect) then carries
+    /// bounced light, if that is how it is carried; else does nothing.
+    ///
+    /// # Panics
+    /// When `direct` is not one value per vertex.
+    pub fn reflect(&mut self, direct: &[[f32; 3]]) {
+        if let (Indirect::DirectToIndirect, Some(carrier)) = (self.indirect, &mut self.carrier) {
+            carrier.reflect(direct);
+        }
+    }
+
+    /// Adds the irradiance of light that has bounced to the vertices from `first` on; nothing where none is baked.
+    ///
+    /// # Panics
+    /// When there are not that many vertices.
+    pub fn add_indirect(&self, first: usize, out: &mut [[f32; 3]]) {
+        match self.indirect {
+            Indirect::None => {}
+            Indirect::Sh => {
+                let lit = self.portals.iter().filter(|p| p.lit == Lit::Bright);
+                for bounced in lit.filter_map(|p| p.bounced.as_ref()) {
+                    let row = 3 * bounced.n;
+                    let rows = &bounced.rows[first * row..(first + out.len()) * row];
+                    dot::sh_rgb_add(rows, &bounced.light[..bounced.n], out);
+                }
+            }
+            Indirect::DirectToIndirect => {
+                if let Some(carrier) = &self.carrier {
+                    carrier.add(first, out);
+                }
+            }
+        }
+    }
+
+    /// Writes the irradiance of all vertices, over all threads of the current rayon pool.
+    ///
+    /// # Panics
+    /// When `out` is not one value per vertex.
+    #[cfg(feature = "rayon")]
+    pub fn irradiance_parallel(&mut self, out: &mut [[f32; 3]]) {
+        use rayon::prelude::*;
+        assert_eq!(out.len(), self.n_vertices, "one irradiance per vertex");
+        let task = dot::ROWS_PER_TASK;
+        out.par_chunks_mut(task).enumerate().for_each(|(i, out)| self.direct(i * task, out));
+        self.reflect(out);
+        out.par_chunks_mut(task).enumerate().for_each(|(i, out)| self.add_indirect(i * task, out));
+    }
+
+    /// What a frame reads per vertex, bytes in the mean: (direct, bounced).
+    pub fn bytes_per_vertex(&self) -> (f32, f32) {
+        let direct: usize = self.portals.iter().map(|p| p.rows.bytes()).sum();
+        let bounced = match self.indirect {
+            Indirect::None => 0,
+            Indirect::Sh => self.portals.iter().filter_map(|p| p.bounced.as_ref()).map(|b| 6 * b.n).sum(),
+            Indirect::DirectToIndirect => self.carrier.as_ref().map_or(0, |c| 2 * c.rank() + 2),
+        };
+        (direct as f32 / self.n_vertices.max(1) as f32, bounced as f32)
+    }
+}
+
+impl PortalLight<'_> {
+    /// Captured shell -> through the glass -> into all bases.
+    fn project(&mut self, tables: &[ShTable]) {
+        match &mut self.blur {
+            Some(blur) => blur.apply(&self.captured, &mut self.texels),
+            None => self.texels.copy_from_slice(&self.captured),
+        }
+        if self.material.tint != [1.0; 3] {
+            for texel in &mut self.texels {
+                for (l, t) in texel.iter_mut().zip(self.material.tint) {
+                    *l *= t;
+                }
+            }
+        }
+        let is_dark = self.texels.as_flattened().iter().all(|l| *l == 0.0);
+        self.lit = if is_dark { Lit::Dark } else { Lit::Bright };
+        if is_dark {
+            return;
+        }
+        self.light.set(&self.texels);
+        if let Some(bounced) = &mut self.bounced {
+            tables[bounced.table].project(&self.texels, &mut bounced.light);
+            for l in bounced.light[..bounced.n].as_flattened_mut() {
+                *l *= bounced.scale;
+            }
+        }
+    }
+}
+
+impl From<asset::Error> for PortalError {
+    fn from(error: asset::Error) -> PortalError {
+        PortalError::Rows(error)
+    }
+}
+
+impl fmt::Display for PortalError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            PortalError::NoPortals => write!(f, "the asset has no portals; bake it with --portal GLOB"),
+            PortalError::Rows(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for PortalError {}
+
+#[cfg(test)]
+mod tests;

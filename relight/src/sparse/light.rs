@@ -1,0 +1,79 @@
+//! A shell's light as the dot product wants it.
+
+use glam::Vec4;
+
+use super::{LONGEST_RUN, N_COARSE, TIER, n_haar_entries, transpose};
+use crate::{cubemap, haar};
+
+/// Entries of zero behind each list: a run is read as if it were the longest.
+pub(super) const PADDING: usize = LONGEST_RUN;
+
+/// The light of a cubemap, for each basis. The colours of an entry lie together (and a zero): a short run then touches
+/// one or two lines of the cache, not one for each colour.
+#[derive(Clone, Debug)]
+pub struct SparseLight {
+    n: usize,
+    pulse: Vec<Vec4>,
+    haar: Vec<Vec4>,
+    columns: Vec<Vec4>,
+    scratch: Vec<Vec4>,
+}
+
+impl SparseLight {
+    /// Darkness on an `n` x `n` x 6 cubemap.
+    ///
+    /// # Panics
+    /// When `n` is not in [`cubemap::RESOLUTIONS`].
+    pub fn new(n: usize) -> SparseLight {
+        assert!(cubemap::RESOLUTIONS.contains(&n), "a cubemap has 8 to 64 texels on a side, not {n}");
+        let entries = |count: usize| vec![Vec4::ZERO; count + PADDING];
+        SparseLight {
+            n,
+            pulse: entries(cubemap::n_texels(n)),
+            haar: entries(n_haar_entries(n)),
+            columns: entries(cubemap::n_texels(n)),
+            scratch: vec![Vec4::ZERO; n * n],
+        }
+    }
+
+    /// Texels on a side.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Takes on the average radiance of each texel and transforms it. Does not allocate.
+    ///
+    /// # Panics
+    /// When there are not 6 n² texels.
+    pub fn set(&mut self, texels: &[[f32; 3]]) {
+        assert_eq!(texels.len(), cubemap::n_texels(self.n), "a shell has one radiance per texel");
+        for (to, &[r, g, b]) in self.pulse.iter_mut().zip(texels) {
+            *to = Vec4::new(r, g, b, 0.0);
+        }
+        let pulse = &self.pulse[..texels.len()];
+        transpose(self.n, pulse, &mut self.columns[..texels.len()]);
+        transform(self.n, pulse, &mut self.scratch, &mut self.haar);
+    }
+
+    /// Entries and zeros behind them, by [`Basis`](super::Basis).
+    pub(super) fn entries(&self) -> [&[Vec4]; 3] {
+        [&self.pulse, &self.haar, &self.columns]
+    }
+}
+
+/// Haar entries: coefficients, coarse ones times [`TIER`], means divided by it.
+fn transform(n: usize, texels: &[Vec4], scratch: &mut [Vec4], out: &mut [Vec4]) {
+    let (face, n_means) = (n * n, haar::n_means(n));
+    let (plain, repeated) = out.split_at_mut(texels.len());
+    let (large, small) = repeated.split_at_mut(6 * N_COARSE);
+    for f in 0..6 {
+        let coefficients = &mut plain[f * face..(f + 1) * face];
+        haar::forward(n, &texels[f * face..(f + 1) * face], scratch, coefficients);
+        for (l, c) in large[f * N_COARSE..(f + 1) * N_COARSE].iter_mut().zip(&*coefficients) {
+            *l = *c * TIER;
+        }
+        for (s, c) in small[f * n_means..(f + 1) * n_means].iter_mut().zip(&*coefficients) {
+            *s = *c / TIER;
+        }
+    }
+}

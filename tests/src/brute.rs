@@ -1,0 +1,122 @@
+//! A naive oracle: single rays, a stratified hemisphere, double precision, textbook spherical harmonics.
+//!
+//! Slow and plain on purpose. It shares with the baker only Embree's queries, which have tests of their own.
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+use lunette_ffi as ffi;
+use lunette_scenes::Mesh;
+
+/// What an oriented point sees of the sky.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// Share of the hemisphere.
+    pub open: f64,
+    /// Cosine-weighted share of the hemisphere.
+    pub ao: f64,
+    /// Mean visible direction, not normalised.
+    pub bent: DVec3,
+    /// Transfer ∫ V yᵢ max(n·ω, 0) dω, \[n²\].
+    pub sh: Vec<f64>,
+}
+
+impl Seen {
+    /// Radius of the cap of the visible solid angle, radians.
+    pub fn aperture(&self) -> f64 {
+        (1.0 - self.open).acos()
+    }
+}
+
+/// A mesh ready for the oracle's rays.
+pub struct Oracle {
+    tree: ffi::Scene,
+    /// Height of a ray's origin over the surface, metres.
+    lift: f32,
+}
+
+impl Oracle {
+    /// # Panics
+    /// When Embree is missing or refuses the mesh.
+    pub fn new(mesh: &Mesh) -> Oracle {
+        let device = ffi::Device::new().expect("Embree");
+        let mut builder = ffi::SceneBuilder::new(&device).expect("a scene");
+        let positions: Vec<[f32; 3]> = mesh.position.iter().map(|p| p.to_array()).collect();
+        builder.add_triangles(&positions, &mesh.index).expect("a mesh");
+        let (low, high) = mesh.bounds();
+        Oracle { tree: builder.commit().expect("a tree"), lift: 1e-5 * (high - low).length() }
+    }
+
+    /// What the point `p` with the unit normal `n` sees by `side`² rays, with SH of `order` bands.
+    pub fn look(&self, p: Vec3, n: Vec3, side: usize, order: usize) -> Seen {
+        let mut random = Random(u64::from(p.x.to_bits()) << 32 | u64::from(p.z.to_bits()) | 1);
+        let (s, t) = n.as_dvec3().any_orthonormal_pair();
+        let origin = (p + self.lift * n).to_array();
+        let mut seen = Seen { open: 0.0, ao: 0.0, bent: DVec3::ZERO, sh: vec![0.0; order * order] };
+        for cell in 0..side * side {
+            let z = ((cell % side) as f64 + random.next()) / side as f64;
+            let phi = 2.0 * PI * ((cell / side) as f64 + random.next()) / side as f64;
+            let r = (1.0 - z * z).sqrt();
+            let d = s * (r * phi.cos()) + t * (r * phi.sin()) + n.as_dvec3() * z;
+            if self.tree.occluded(&ffi::Ray::new(origin, d.as_vec3().to_array())) {
+                continue;
+            }
+            let weight = 1.0 / (side * side) as f64;
+            seen.open += weight;
+            seen.ao += 2.0 * z * weight;
+            seen.bent += d * weight;
+            for (sum, y) in seen.sh.iter_mut().zip(spherical_harmonics(order, d)) {
+                *sum += 2.0 * PI * z * weight * y;
+            }
+        }
+        seen
+    }
+}
+
+/// Knuth's linear congruential generator: nothing that the baker uses.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// Real orthonormal spherical harmonics with the Condon-Shortley sign, index l(l+1)+m, by the recurrences of the
+/// associated Legendre functions.
+pub fn spherical_harmonics(order: usize, d: DVec3) -> Vec<f64> {
+    let phi = d.y.atan2(d.x);
+    let mut y = vec![0.0; order * order];
+    for l in 0..order as i32 {
+        for m in 0..=l {
+            let k = ((2 * l + 1) as f64 / (4.0 * PI) * factorial(l - m) / factorial(l + m)).sqrt();
+            let p = k * legendre(l, m, d.z);
+            let at = |m: i32| (l * (l + 1) + m) as usize;
+            if m == 0 {
+                y[at(0)] = p;
+            } else {
+                let angle = f64::from(m) * phi;
+                y[at(m)] = 2f64.sqrt() * p * angle.cos();
+                y[at(-m)] = 2f64.sqrt() * p * angle.sin();
+            }
+        }
+    }
+    y
+}
+
+fn factorial(n: i32) -> f64 {
+    (1..=n).map(f64::from).product()
+}
+
+/// P_l^m(x) with (-1)^m.
+fn legendre(l: i32, m: i32, x: f64) -> f64 {
+    let sin = (1.0 - x * x).max(0.0).sqrt();
+    let mut last = (1..=m).map(|i| -f64::from(2 * i - 1) * sin).product();
+    let mut before = 0.0;
+    for i in m + 1..=l {
+        let next = (f64::from(2 * i - 1) * x * last - f64::from(i + m - 1) * before) / f64::from(i - m);
+        (before, last) = (last, next);
+    }
+    last
+}

@@ -1,0 +1,102 @@
+//! What ARCHITECTURE.md promises.
+
+use std::path::Path;
+use std::process::Command;
+
+use glam::{Quat, Vec3};
+use lunette_bake::Options;
+use lunette_relight::aperture::Intersection;
+use lunette_relight::frame::{Frame, Method};
+use lunette_tests::baked::{baked, light, scene};
+
+fn workspace() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("a workspace around the package")
+}
+
+/// Names of all crates that a package needs at run time, itself included, with all of its features.
+fn dependencies(package: &str) -> Vec<String> {
+    let output = Command::new(env!("CARGO"))
+        .args(["tree", "--offline", "--all-features", "--edges", "normal", "--prefix", "none", "-p", package])
+        .current_dir(workspace())
+        .output()
+        .expect("cargo");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    text.lines().filter_map(|line| line.split(' ').next()).map(str::to_string).collect()
+}
+
+#[test]
+fn run_time_needs_no_ray_tracer_and_no_image_codec() {
+    let names = dependencies("lunette-relight");
+    assert!(names.iter().any(|n| n == "safetensors"), "cargo tree said nothing: {names:?}");
+    for banned in ["lunette-", "libloading", "image", "exr", "png", "tiff", "tobj", "clap", "memmap2"] {
+        let found: Vec<&String> =
+            names.iter().filter(|n| n.starts_with(banned) && *n != "lunette-relight").collect();
+        assert!(found.is_empty(), "the run time depends on {found:?}");
+    }
+}
+
+#[test]
+fn judge_shares_no_crate_with_the_baker_but_embree_and_the_run_time() {
+    assert!(!dependencies("lunette-render").iter().any(|n| n == "lunette-bake"));
+    assert!(!dependencies("lunette-bake").iter().any(|n| n == "lunette-render"));
+    assert!(!dependencies("lunette-scenes").iter().any(|n| n == "lunette-ffi"));
+}
+
+#[test]
+fn relighting_a_frame_does_not_allocate() {
+    let asset = baked(&scene("plane:n=8"), &Options { rays: 64, bounces: 1, ..Options::default() });
+    let methods = [
+        Method::Bent,
+        Method::Aperture(Intersection::Exact),
+        Method::Aperture(Intersection::Smoothstep),
+        Method::default(),
+    ];
+    let sky = light("sky:140,35 + uniform:0.1 + cie-overcast + cap:1,1,0,0.2,3");
+    let frames: Vec<_> =
+        (0..4).map(|i| sky.rotated(Quat::from_axis_angle(Vec3::Y, 0.3 * i as f32))).collect();
+    let mut out = vec![[0.0; 3]; asset.n_vertices()];
+    for method in methods {
+        let mut frame = Frame::new(&asset, method).expect("what the method needs");
+        let counted = allocation_counter::measure(|| {
+            for light in &frames {
+                frame.project(light);
+                frame.direct(0, &mut out);
+                frame.add_indirect(0, &mut out);
+            }
+        });
+        assert_eq!(counted.count_total, 0, "{method:?}");
+        assert!(out.iter().all(|e| e[0] > 0.0), "{method:?} gave no light");
+    }
+}
+
+#[test]
+fn unsafe_code_is_denied_by_the_workspace_and_allowed_with_a_reason() {
+    let manifest = std::fs::read_to_string(workspace().join("Cargo.toml")).expect("the manifest");
+    assert!(manifest.contains("unsafe_code = \"deny\""));
+    let mut allowed = 0;
+    for file in sources(workspace()) {
+        let text = std::fs::read_to_string(&file).expect("a source file");
+        for line in
+            text.lines().map(str::trim).filter(|l| l.starts_with("#") && l.contains("allow(unsafe_code"))
+        {
+            assert!(line.contains("reason = "), "{}: {line}", file.display());
+            allowed += 1;
+        }
+    }
+    assert!(allowed > 0, "ffi at least must call C");
+}
+
+/// All Rust files of the workspace's packages.
+fn sources(folder: &Path) -> Vec<std::path::PathBuf> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
+        let (path, name) = (entry.path(), entry.file_name());
+        if path.is_dir() && name != "target" && !name.to_string_lossy().starts_with('.') {
+            files.extend(sources(&path));
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            files.push(path);
+        }
+    }
+    files
+}
