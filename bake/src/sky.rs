@@ -149,7 +149,7 @@ fn report(donors: &Donors, progress: &dyn Progress) {
     }
 }
 
-/// The mesh of a scene as an asset without any transfer: what [`bake`] adds to.
+/// The mesh of a scene as an asset without any transfer: what [`crate::bake`] adds to.
 pub fn mesh_asset(scene: &Scene) -> Asset<'static> {
     let mesh = &scene.mesh;
     let n = mesh.position.len();

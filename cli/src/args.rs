@@ -157,7 +157,7 @@ pub struct PortalChoice {
 /// What shines.
 #[derive(Args)]
 pub struct LightOptions {
-    /// uniform[:r,g,b], cie-overcast[:Lz], cap:x,y,z,radius,radiance, sky:azimuth,elevation[,turbidity],
+    /// uniform, uniform:r,g,b, cie-overcast, cap:x,y,z,radius,radiance, sky:azimuth,elevation,turbidity,
     /// point:..., spot:..., an .exr or .hdr picture; several joined by ' + '
     #[arg(long, value_name = "SPEC", required_unless_present = "day", allow_hyphen_values = true)]
     pub light: Option<String>,

@@ -1,6 +1,6 @@
 //! Shells at run time: the light outside a portal as somebody captured it, and what the portal's glass does to it.
 //!
-//! A [`Shell`] is the average radiance of each texel of a cubemap ([`cubemap`](crate::cubemap)) centred on a portal,
+//! A [`Shell`] is the average radiance of each texel of a cubemap ([`cubemap`]) centred on a portal,
 //! given anew every frame. A [`Material`] changes it before it is projected: a tint multiplies, frosting blurs
 //! ([`Blur`]), closed is dark. So glass changes without a new bake.
 //!

@@ -8,7 +8,7 @@
 //! |---|---|---|
 //! | `pulse` (0) | texel p | 0..=255 |
 //! | `pulse` down columns (2) | texel p of faces stored column by column | 0..=255 |
-//! | `haar` (1) | p < 6 N²: coefficient p of [`haar`](crate::haar), face after face | two's complement, -128..=127 |
+//! | `haar` (1) | p < 6 N²: coefficient p of [`haar`], face after face | two's complement, -128..=127 |
 //! | | next 6 x 16: the first 16 coefficients of each face again, times 128 | |
 //! | | next 6 x M: the M last means of each face again, divided by 128 | |
 //!

@@ -1,9 +1,9 @@
 //! Finding an interior's portals: the panes and the plain holes that part its inside from its outside.
 //!
-//! Where the inside is, and which surface of least area parts it from the outside, is found on a grid ([`grid`],
-//! [`cut`]). A see-through surface with the inside on one side and the outside on the other is a portal, so that a
+//! Where the inside is, and which surface of least area parts it from the outside, is found on a grid (`grid`,
+//! `cut`). A see-through surface with the inside on one side and the outside on the other is a portal, so that a
 //! window is one and a drinking glass is not; where that surface passes through thin air, the hole's outline is
-//! measured with rays ([`outline`]).
+//! measured with rays (`outline`).
 //!
 //! Based on: Yue et al., Interactive Rendering of Interior Scenes with Dynamic Environment Illumination, 2009, whose
 //! portals have to be given.

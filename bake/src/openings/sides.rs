@@ -23,7 +23,7 @@ const BOUNCES: usize = 3;
 const LOOKS: usize = 16;
 
 /// Winds every window of every portal so that its normals point inside, to the side from which fewer rays escape;
-/// says how many windows were turned. `scene` is without the portals' triangles.
+/// says how many windows were turned. A portal of which some were has its triangles sorted by window. `scene` is without the portals' triangles.
 ///
 /// # Errors
 /// When the scene has nothing that blocks light, or Embree cannot be had.
@@ -34,7 +34,11 @@ pub fn orient(scene: &Scene, portals: &mut [Portal]) -> Result<usize, Error> {
     for portal in portals {
         let mut windows = portal.windows();
         let turned = windows.par_iter().map(|w| looks_out(&rays, w, lift)).collect::<Vec<_>>();
-        n_turned += turned.iter().filter(|t| **t).count();
+        let n = turned.iter().filter(|t| **t).count();
+        if n == 0 {
+            continue;
+        }
+        n_turned += n;
         windows.iter_mut().zip(turned).filter(|(_, turned)| *turned).for_each(|(w, _)| w.flip());
         let triangles = windows.into_iter().flat_map(|w| w.triangles).collect();
         *portal = Portal::new(&portal.name, triangles, portal.transmission).unwrap_or_else(|| portal.clone());
@@ -96,26 +100,20 @@ fn walk(rays: &Rays, gates: &ffi::Scene, [a, b, c]: [Vec3; 3], lift: f32, random
     let mut normal = (b - a).cross(c - a).normalize_or_zero();
     let (mut escaped, mut leaked) = (0, 0);
     for _ in 0..BOUNCES {
-        let Some((next, facing)) = rays.surface(p + lift * normal, random.cosine(normal)) else { break };
-        (p, normal) = (next, facing);
-        let origin = p + lift * normal;
+        // A path that leaves by a portal is outside from there on.
+        let (origin, onwards) = (p + lift * normal, random.cosine(normal));
+        let Some((wall, facing)) = rays.surface(origin, onwards) else { break };
+        let gate = gates.intersect(&ffi::Ray::new(origin.into(), onwards.into()));
+        if gate.is_some_and(|gate| gate.t < wall.distance(origin)) {
+            break;
+        }
+        (p, normal) = (wall, facing);
         for _ in 0..LOOKS {
-            let d = random.cosine(normal);
+            let (origin, d) = (p + lift * normal, random.cosine(normal));
             if rays.surface(origin, d).is_none() {
                 escaped += 1;
                 leaked += u64::from(!gates.occluded(&ffi::Ray::new(origin.into(), d.into())));
             }
-        }
-        // A path that leaves by a portal is outside from there on.
-        let onwards = random.cosine(normal);
-        let ray = ffi::Ray::new(origin.into(), onwards.into());
-        let wall = rays.surface(origin, onwards);
-        let gate = gates.intersect(&ray).map_or(f32::INFINITY, |hit| hit.t);
-        match wall {
-            Some((wall, facing)) if wall.distance(origin) < gate => {
-                (p, normal) = (wall, facing);
-            }
-            _ => break,
         }
     }
     (escaped, leaked)

@@ -95,11 +95,12 @@ fn meshes_without_volume_are_refused() {
 
 #[test]
 fn rabbit_fits_in_sixty_four_spheres() {
+    // The mesh holds the whole room; only the rabbit's triangles are given.
     let scene = lunette_scenes::builtin::build("box-room").unwrap();
     let group = scene.groups.iter().position(|name| name == "rabbit").unwrap() as u32;
     let faces = scene.mesh.index.iter().zip(&scene.mesh.group).filter(|(_, g)| **g == group);
     let index: Vec<[u32; 3]> = faces.map(|(t, _)| *t).collect();
-    let errors = [16, 64, 256].map(|n_spheres| {
+    let errors = [16, 64].map(|n_spheres| {
         let options = SphereOptions { n_spheres, ..SphereOptions::default() };
         let fit = fit_spheres(&scene.mesh.position, &index, &options).unwrap();
         println!(
@@ -108,6 +109,6 @@ fn rabbit_fits_in_sixty_four_spheres() {
         );
         fit.outside + fit.missing
     });
-    // 64 spheres leave about a tenth of the volume wrong; more leave less.
-    assert!(errors[1] < 0.12 && errors[2] < errors[1] && errors[1] < errors[0], "{errors:?}");
+    // 3 % of the volume is wrong with 64 spheres; a cell of the grid is 1.4 % of the height.
+    assert!(errors[1] < 0.05 && errors[1] < 0.6 * errors[0], "{errors:?}");
 }

@@ -8,6 +8,7 @@
 //!     cargo bench -p lunette-benches --bench lobes
 
 mod curve;
+mod mesh;
 mod product;
 mod scene;
 mod speed;
@@ -18,11 +19,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut page =
         Page::new("Cosine lobes", "Direct light of moving lamps past moving spheres, without a bake.");
     product::compare(&mut page)?;
-    let body = scene::rabbit();
+    let rabbit = scene::rabbit();
+    let body = rabbit.fit();
     speed::frames(&body);
     speed::materials();
     speed::shares(&body);
     curve::error_against_time(&body, &mut page)?;
+    mesh::against_rays(&rabbit, &body)?;
+    if let Some(bunny) = scene::bunny() {
+        mesh::against_rays(&bunny, &bunny.fit())?;
+    }
     println!("charts: {}", page.write("lobes.html")?.display());
     Ok(())
 }

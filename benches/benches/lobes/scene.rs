@@ -12,30 +12,62 @@ pub const HEIGHTS: [f32; 3] = [0.0, 0.6, 1.2];
 /// Side of the plane, metres.
 const SIDE: f32 = 5.0;
 
-/// The rabbit of the built-in room as 64 spheres, 1 m high, feet at the origin.
-pub fn rabbit() -> SphereSet {
+/// A mesh 1 m high, feet at the origin.
+pub struct Body {
+    pub name: &'static str,
+    pub position: Vec<Vec3>,
+    pub index: Vec<[u32; 3]>,
+}
+
+impl Body {
+    fn new(name: &'static str, position: &[Vec3], index: Vec<[u32; 3]>) -> Body {
+        let corners = || index.iter().flatten().map(|&v| position[v as usize]);
+        let low = corners().fold(Vec3::INFINITY, Vec3::min);
+        let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max);
+        let foot = (0.5 * (low + high)).with_y(low.y);
+        let position = position.iter().map(|p| (p - foot) / (high.y - low.y)).collect();
+        Body { name, position, index }
+    }
+
+    /// As 64 spheres; says how well.
+    pub fn fit(&self) -> SphereSet {
+        let started = std::time::Instant::now();
+        let fit =
+            fit_spheres(&self.position, &self.index, &SphereOptions::default()).expect("a body has a volume");
+        println!(
+            "\n{}: {} triangles, {} spheres in {:.2} s; of the volume {:.1} % too much, {:.1} % missing; surface off \
+             by {:.2} % of the diagonal",
+            self.name,
+            self.index.len(),
+            fit.set.spheres().len(),
+            started.elapsed().as_secs_f64(),
+            100.0 * fit.outside,
+            100.0 * fit.missing,
+            100.0 * fit.surface
+        );
+        fit.set
+    }
+}
+
+/// The rabbit of the built-in room.
+pub fn rabbit() -> Body {
     let scene = builtin::build("box-room").expect("a built-in scene");
     let group = scene.groups.iter().position(|name| name == "rabbit").expect("the room has a rabbit") as u32;
-    let of_rabbit = |(_, g): &(&[u32; 3], &u32)| **g == group;
-    let index: Vec<[u32; 3]> =
-        scene.mesh.index.iter().zip(&scene.mesh.group).filter(of_rabbit).map(|(t, _)| *t).collect();
-    let corners = || index.iter().flatten().map(|&v| scene.mesh.position[v as usize]);
-    let low = corners().fold(Vec3::INFINITY, Vec3::min);
-    let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max);
-    let foot = (0.5 * (low + high)).with_y(low.y);
-    let position: Vec<Vec3> = scene.mesh.position.iter().map(|p| (p - foot) / (high.y - low.y)).collect();
-    let started = std::time::Instant::now();
-    let fit = fit_spheres(&position, &index, &SphereOptions::default()).expect("the rabbit has a volume");
-    println!(
-        "rabbit: {} triangles, {} spheres in {:.2} s; outside {:.1} %, missing {:.1} %, surface {:.2} % of diagonal",
-        index.len(),
-        fit.set.spheres().len(),
-        started.elapsed().as_secs_f64(),
-        100.0 * fit.outside,
-        100.0 * fit.missing,
-        100.0 * fit.surface
-    );
-    fit.set
+    let faces = scene.mesh.index.iter().zip(&scene.mesh.group).filter(|(_, g)| **g == group);
+    Body::new("rabbit", &scene.mesh.position, faces.map(|(t, _)| *t).collect())
+}
+
+/// The Stanford bunny, where its file lies beside the workspace.
+pub fn bunny() -> Option<Body> {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/assets/objects/stanford-bunny.obj");
+    let loaded = lunette_scenes::load(file, &lunette_scenes::LoadOptions::default());
+    match loaded {
+        Ok(scene) => Some(Body::new("Stanford bunny", &scene.mesh.position, scene.mesh.index)),
+        Err(_) => {
+            println!("\nno Stanford bunny at {file}: left out");
+            None
+        }
+    }
 }
 
 /// n × n points on the plane y = 0, facing up.
@@ -51,13 +83,21 @@ pub fn plane(n: usize) -> Plane {
 }
 
 pub fn lamp() -> Lamp {
-    Lamp::new(Vec3::new(1.2, 5.0, 0.8), 0.4, Vec3::ONE).expect("a lamp")
+    lamp_of(0.4)
+}
+
+pub fn lamp_of(radius: f32) -> Lamp {
+    Lamp::new(Vec3::new(1.2, 5.0, 0.8), radius, Vec3::ONE).expect("a lamp")
+}
+
+/// Where the body stands at a height.
+pub fn motion(height: f32) -> Motion {
+    Motion { rotation: Quat::from_rotation_y(0.4), translation: Vec3::Y * height }
 }
 
 pub fn blockers(body: &SphereSet, height: f32) -> Blockers {
     let mut blockers = Blockers::default();
-    let motion = Motion { rotation: Quat::from_rotation_y(0.4), translation: Vec3::Y * height };
-    blockers.push(body, &motion);
+    blockers.push(body, &motion(height));
     blockers
 }
 

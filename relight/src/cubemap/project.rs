@@ -13,6 +13,7 @@ use glam::{Vec2, Vec3};
 
 use super::{direction, disc, n_texels, picture, sample};
 use crate::light::quadrature::gauss_legendre;
+use crate::light::sky::compass_direction;
 use crate::light::{Light, Sky, Source};
 
 /// Writes the average radiance of `light` over each texel of an `n` x `n` x 6 cubemap to `out`. The energy
@@ -39,7 +40,9 @@ pub fn project_light(light: &Light, n: usize, out: &mut [[f32; 3]]) {
 }
 
 fn add_sky(n: usize, sky: &Sky, out: &mut [[f32; 3]]) {
-    let view = Smooth { up: sky.up(), focus: sky.sun().map(|sun| sun.axis) };
+    // In twilight the glow stays at the horizon.
+    let glow = sky.orientation() * compass_direction(sky.azimuth(), sky.elevation().max(0.0));
+    let view = Smooth { up: sky.up(), focus: Some(glow) };
     add_smooth(n, &view, |d| sky.dome_radiance(d), out);
     if let Some(sun) = sky.sun_above_horizon() {
         disc::add_disc(n, &sun, Some(sky.up()), out);
@@ -56,7 +59,7 @@ const NEAR_HORIZON: f32 = 0.25;
 const LEVEL: f32 = 1e-6;
 
 /// Width of texels in which the dome is straight elsewhere, radians: its middle is then its mean to 1e-3.
-const SMALL: f32 = 0.13;
+const SMALL: f32 = 0.1;
 
 /// Where a radiance that is smooth elsewhere is not.
 struct Smooth {
@@ -122,7 +125,7 @@ impl Smooth {
         let to_focus = focus.distance(centre);
         if is_cut {
             &RULES.edge
-        } else if to_focus < 1.5 * size {
+        } else if to_focus < 1.5 * size || (low < LEVEL && size > SMALL) {
             &RULES.finest
         } else if to_focus < NEAR_FOCUS || low < LEVEL {
             &RULES.fine

@@ -180,6 +180,7 @@ impl Chunk {
     }
 
     /// What is left of each product where something may stand before the lamp.
+    #[inline(always)]
     fn visible(
         &mut self,
         job: &Job<'_>,

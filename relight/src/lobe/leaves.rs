@@ -79,6 +79,7 @@ impl Leaves {
     /// Collects the leaves of a mask, and says whether it is dark all over, or lit.
     ///
     /// Leaves that hold less than `least` of the lamp are left out.
+    #[inline(always)]
     pub fn collect(&mut self, mask: &Mask, cone: &Cone, weights: &Weights, least: f32) -> Cover {
         let depth = mask.cells.ilog2();
         let tree = Tree::new(mask, &weights.outside[depth as usize]);
@@ -102,6 +103,7 @@ impl Leaves {
     }
 
     /// The 16 cells of the full mask.
+    #[inline(always)]
     pub fn collect_full(&mut self, cone: &Cone, weights: &Weights) {
         let between = weights.between(cone);
         self.start();
@@ -143,6 +145,7 @@ impl Leaves {
         whole
     }
 
+    #[inline(always)]
     fn add_row(
         &mut self,
         mut bits: u32,

@@ -119,6 +119,7 @@ impl Mask {
     }
 
     /// Clears and draws all blockers, and the other lamps.
+    #[inline(always)]
     pub fn draw(&mut self, cone: &Cone, blockers: &Blockers, others: impl Iterator<Item = Sphere>) -> Cover {
         let mut cover = Cover::Lit;
         for sphere in others {
@@ -145,6 +146,7 @@ impl Mask {
         if blockers.eights.iter().any(any) { Cover::Dark } else { Cover::Lit }
     }
 
+    #[inline(always)]
     fn draw_body(&mut self, cone: &Cone, blockers: &Blockers, body: &Body, cover: &mut Cover) -> Cover {
         for eight in &blockers.eights[body.first..body.end] {
             if relation(cone, &eight.bound) == Relation::Apart {
@@ -162,6 +164,7 @@ impl Mask {
         *cover
     }
 
+    #[inline(always)]
     fn draw_one(&mut self, cone: &Cone, sphere: &Sphere, meets: Relation, cover: &mut Cover) {
         if *cover == Cover::Lit {
             self.corners = [0; ROWS];
@@ -179,6 +182,7 @@ impl Mask {
     }
 
     /// Chords of the conic with every row of corners it may meet.
+    #[inline(always)]
     fn draw_conic(&mut self, cone: &Cone, centre: Vec3, radius: f32) {
         // Everything in units of the distance to the blocker, so that squares stay in range.
         let unit = 1.0 / centre.length();

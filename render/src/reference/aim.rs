@@ -24,6 +24,9 @@ pub(crate) enum Aim {
 /// Cells of the sky dome's table: fine enough for the glow around the sun.
 const DOME_CELLS: (usize, usize) = (128, 64);
 
+/// Radius in radians from which a cap is like a sky.
+const BROAD: f32 = 0.5;
+
 /// The aims of a light.
 pub(crate) fn aims(light: &Light) -> Vec<Aim> {
     let mut aims = Vec::new();
@@ -56,6 +59,16 @@ impl Aim {
                 let p = table.sample(u);
                 image.direction(p.x, p.y)
             }
+        }
+    }
+
+    /// Whether it may hold a sun: behind a window, that is a bright patch which paths would find by chance. A dome or a
+    /// broad cap lights all that the window shows it.
+    pub fn is_peaked(&self) -> bool {
+        match self {
+            Aim::Cap { radius, .. } => *radius < BROAD,
+            Aim::Dome { .. } => false,
+            Aim::Equirect { .. } => true,
         }
     }
 

@@ -3,7 +3,7 @@
 //! What a point sends out is `L_o = ∫ f(w) L_i(w) max(n.w, 0) dw`, where `L_i` is the light's radiance if nothing is in
 //! the way, else what the point in the way sends out. At each point x directions d to the light are drawn by several
 //! techniques: one from the reflection's own lobe ([`Scatter`]), which also is the way on if it hits a surface; one
-//! from each [`Aim`]; and one to the openings ([`Panes`]), if there are any. With openings there is, for each aim, also a
+//! from each [`Aim`]; and one to the openings ([`Panes`]), if there are any. With openings there is, for each peaked aim, also a
 //! *beam*: a direction d to the light and a point on a pane are drawn, followed in to the point y that they light, and
 //! y is joined with x; this finds the bright patches behind small windows, which paths from x would find by chance.
 //!
@@ -124,9 +124,8 @@ impl<'a> Spot<'a> {
         lobe + aim_density(self.world, d) + self.panes.as_ref().map_or(0.0, |view| view.pdf(d))
     }
 
-    /// `f L cos` over the densities, of a direction above the surface with nothing in its way.
-    fn weighed(&self, d: Vec3) -> Vec3 {
-        let radiance = self.world.light.radiance(d);
+    /// `f L cos` over the densities, of a direction above the surface with nothing in its way and `radiance` from it.
+    fn weighed(&self, d: Vec3, radiance: Vec3) -> Vec3 {
         if radiance == Vec3::ZERO {
             return Vec3::ZERO;
         }
@@ -150,7 +149,7 @@ fn aim_density(world: &World, d: Vec3) -> f32 {
 
 /// Of all beams through a point, per area across them, 1/(sr m²).
 fn beam_density(world: &World, point: Vec3, d: Vec3) -> f32 {
-    let aims = aim_density(world, d);
+    let aims: f32 = world.aims.iter().filter(|aim| aim.is_peaked()).map(|aim| aim.pdf(d)).sum();
     match world.tracer.panes() {
         Some(panes) if aims > 0.0 => aims * panes.beam(d).pdf(point),
         _ => 0.0,
@@ -162,9 +161,10 @@ fn aimed_light(spot: &Spot, u: &mut impl FnMut() -> Vec2) -> Vec3 {
     let world = spot.world;
     let mut sum = Vec3::ZERO;
     let mut add = |d: Vec3| {
-        let is_lit = spot.place.n.dot(d) > 0.0 && world.light.radiance(d) != Vec3::ZERO;
-        if is_lit && !spot.is_blocked(d) {
-            sum += spot.weighed(d);
+        let is_above = spot.place.n.dot(d) > 0.0;
+        let radiance = if is_above { world.light.radiance(d) } else { Vec3::ZERO };
+        if radiance != Vec3::ZERO && !spot.is_blocked(d) {
+            sum += spot.weighed(d, radiance);
         }
     };
     for aim in world.aims {
@@ -190,12 +190,13 @@ fn lobe_light(spot: &Spot, u: Vec2, goes_on: bool) -> (Vec3, Option<Onward>) {
     let Place { origin, n, scatter } = spot.place;
     let Some(drawn) = scatter.sample(*n, u) else { return (Vec3::ZERO, None) };
     let direction = drawn.direction;
+    let light = || spot.weighed(direction, spot.world.light.radiance(direction));
     if !goes_on {
         let blocked = spot.is_blocked(direction);
-        return (if blocked { Vec3::ZERO } else { spot.weighed(direction) }, None);
+        return (if blocked { Vec3::ZERO } else { light() }, None);
     }
     match spot.world.tracer.first_contact(*origin, direction) {
-        None => (spot.weighed(direction), None),
+        None => (light(), None),
         Some(contact) => {
             let density = scatter.of(*n, direction).1;
             (Vec3::ZERO, Some(Onward { contact, direction, density, weight: drawn.weight }))
@@ -207,7 +208,7 @@ fn lobe_light(spot: &Spot, u: Vec2, goes_on: bool) -> (Vec3, Option<Onward>) {
 fn beamed_light(spot: &Spot, u: &mut impl FnMut() -> Vec2) -> Vec3 {
     let Some(panes) = spot.world.tracer.panes() else { return Vec3::ZERO };
     let mut sum = Vec3::ZERO;
-    for aim in spot.world.aims {
+    for aim in spot.world.aims.iter().filter(|aim| aim.is_peaked()) {
         let d = aim.sample(u());
         if let Some(entry) = panes.beam(d).sample(u()) {
             sum += joined(spot, panes, entry, d).unwrap_or(Vec3::ZERO);
