@@ -123,7 +123,8 @@ impl Encoder {
             *q = 0;
             if *x > 0.0 {
                 let wanted = x / step + carry;
-                *q = (wanted.round() as i32).clamp(0, 255);
+                // The carry is at least -1/2, so that cutting off rounds.
+                *q = ((wanted + 0.5) as i32).min(255);
                 carry = wanted - *q as f32;
             }
         }
@@ -187,8 +188,13 @@ impl Encoder {
     fn quantise(&mut self, step: f32) {
         let (face, n_means) = (self.n * self.n, haar::n_means(self.n));
         let (plain, repeated) = self.steps.split_at_mut(self.coefficients.len());
+        repeated.fill(0);
         let (large, small) = repeated.split_at_mut(6 * N_COARSE);
         for (i, (q, c)) in plain.iter_mut().zip(&self.coefficients).enumerate() {
+            *q = 0;
+            if *c == 0.0 {
+                continue;
+            }
             let (f, at) = (i / face, i % face);
             let wanted = c / step;
             *q = wanted.round() as i32;
@@ -205,7 +211,8 @@ impl Encoder {
 
     /// Σ (stored - wanted)² over the coefficients.
     fn rounding_error(&self, step: f32) -> f64 {
-        sum(self.coefficients.iter().enumerate().map(|(i, c)| (c - step * self.stored(i)).powi(2)))
+        let lit = self.coefficients.iter().enumerate().filter(|(_, c)| **c != 0.0);
+        sum(lit.map(|(i, c)| (c - step * self.stored(i)).powi(2)))
     }
 
     /// Coefficient `i` as its entries have it, in steps.
