@@ -24,7 +24,7 @@ pub struct Options {
     pub basis: Vec<Basis>,
     /// SH bands of direct light, 1..=10. Bytes and evaluation grow with its square.
     pub order: usize,
-    /// SH bands of bounced light, 1..=10, at most `order`.
+    /// SH bands of bounced light, 1..=10, at most `order`; 0 for none.
     pub indirect_order: usize,
     /// Rays per vertex, 16..=65536, rounded up to a multiple of 16. The error of a shadow falls with about the
     /// power -0.75; time grows in proportion. A quarter of them, but at least 128, serve each bounce.
@@ -56,7 +56,7 @@ impl Options {
     /// When a value is out of the range that its field names.
     pub fn check(&self) -> Result<(), Error> {
         range("order", self.order, 1, MAX_ORDER)?;
-        range("indirect-order", self.indirect_order, 1, self.order)?;
+        range("indirect-order", self.indirect_order, 0, self.order)?;
         range("rays", self.rays, 16, 65536)?;
         range("bounces", self.bounces, 0, 1000)?;
         range("threads", self.threads, 0, 1024)?;

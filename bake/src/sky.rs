@@ -53,7 +53,7 @@ struct Work<'a> {
 
 impl<'a> Work<'a> {
     fn new(surface: &'a Surface<'a>, options: &'a Options, order: usize, progress: &'a dyn Progress) -> Self {
-        let bounces = if order > 0 { options.bounces } else { 0 };
+        let bounces = if order > 0 && options.indirect_order > 0 { options.bounces } else { 0 };
         let per_vertex = options.rays.next_multiple_of(16) + bounces * bounce_rays(options);
         let total = (surface.mesh.position.len() * per_vertex) as u64;
         Work { surface, options, order, bounces, progress, total, done: AtomicU64::new(0) }

@@ -8,7 +8,8 @@
 
 use glam::Vec3;
 use lunette_ffi as ffi;
-use lunette_scenes::{Mesh, Scene};
+use lunette_scenes::{Mesh, Portal, Scene};
+use rayon::prelude::*;
 
 use crate::Error;
 
@@ -58,10 +59,59 @@ impl<'a> Surface<'a> {
         })
     }
 
+    /// Moves the origins of vertices that lie on a portal a hair inside, so that their rays to the outside pass it:
+    /// a window's reveal often has its pane along an edge loop. The portals' triangles face inside.
+    pub fn keep_inside(&mut self, portals: &[Portal]) {
+        let near = 4.0 * self.lift;
+        for portal in portals {
+            let corners = || portal.triangles.iter().flatten().copied();
+            let low = corners().fold(Vec3::INFINITY, Vec3::min) - near;
+            let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max) + near;
+            self.origin.par_iter_mut().zip(&self.mesh.position).for_each(|(origin, p)| {
+                if p.cmpge(low).all() && p.cmple(high).all() {
+                    let pane = portal.triangles.iter().find(|t| nearest(t, *p).distance(*p) < near);
+                    if let Some([a, b, c]) = pane {
+                        let inwards = (*b - *a).cross(*c - *a).normalize_or_zero();
+                        *origin += (near - (*origin - *a).dot(inwards)).max(0.0) * inwards;
+                    }
+                }
+            });
+        }
+    }
+
     /// The three corners of a triangle.
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.mesh.index[triangle as usize].map(|v| self.mesh.position[v as usize])
     }
+}
+
+/// The point of a triangle that is nearest to `p`.
+///
+/// Based on: C. Ericson, Real-Time Collision Detection, 2005, section 5.1.5.
+fn nearest(&[a, b, c]: &[Vec3; 3], p: Vec3) -> Vec3 {
+    let (ab, ac) = (b - a, c - a);
+    let along = |q: Vec3| (ab.dot(p - q), ac.dot(p - q));
+    let ((d1, d2), (d3, d4), (d5, d6)) = (along(a), along(b), along(c));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return a;
+    }
+    if d3 >= 0.0 && d4 <= d3 {
+        return b;
+    }
+    if d6 >= 0.0 && d5 <= d6 {
+        return c;
+    }
+    let (va, vb, vc) = (d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2);
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * (d1 / (d1 - d3));
+    }
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * (d2 / (d2 - d6));
+    }
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
+    }
+    a + (ab * vb + ac * vc) / (va + vb + vc)
 }
 
 fn longest_edge(mesh: &Mesh, triangle: &[u32; 3]) -> f32 {
@@ -137,6 +187,23 @@ mod tests {
             index: vec![[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]],
             material: vec![0; 4],
             group: vec![0; 4],
+        }
+    }
+
+    #[test]
+    fn nearest_point_of_a_triangle_is_no_farther_than_any_other() {
+        let triangle = [Vec3::new(0.1, 0.0, 0.3), Vec3::new(1.2, 0.4, 0.0), Vec3::new(0.3, 1.1, -0.2)];
+        for i in 0..1000u64 {
+            let h = |k: u64| (crate::sampling::hash(k, i) >> 40) as f32 / (1 << 23) as f32 - 0.6;
+            let p = Vec3::new(h(1), h(2), h(3));
+            let grid = (0..=40).flat_map(|u| (0..=40 - u).map(move |v| (u as f32 / 40.0, v as f32 / 40.0)));
+            let best = grid
+                .map(|(u, v)| triangle[0] * (1.0 - u - v) + triangle[1] * u + triangle[2] * v)
+                .map(|q| q.distance(p))
+                .fold(f32::MAX, f32::min);
+            let found = nearest(&triangle, p);
+            // The grid's points are up to a fortieth of an edge apart.
+            assert!(found.distance(p) < best + 1e-5 && found.distance(p) > best - 0.03, "{p}: {found}");
         }
     }
 

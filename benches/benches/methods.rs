@@ -179,7 +179,7 @@ fn outcome(
     Ok(Outcome {
         relative: lunette_render::difference(&judged, reference, Some(area))?.relative,
         nanoseconds: seconds * 1e9 / out.len() as f64,
-        bytes: frame.bytes_per_vertex(),
+        bytes: (frame.bytes_per_vertex().0 + frame.bytes_per_vertex().1).round() as usize,
     })
 }
 

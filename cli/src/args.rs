@@ -85,7 +85,7 @@ pub struct Effort {
     /// SH bands of direct light, 1 to 10
     #[arg(long, default_value_t = 5, allow_negative_numbers = true)]
     pub order: usize,
-    /// SH bands of bounced light, 1 to 10 [default: as --order]
+    /// SH bands of bounced light, 1 to 10, 0 for none [default: as --order]
     #[arg(long, allow_negative_numbers = true)]
     pub indirect_order: Option<usize>,
     /// Rays per vertex, 16 to 65536
@@ -121,29 +121,37 @@ pub struct Bake {
     pub read: SceneOptions,
 }
 
-/// Through what light enters an interior, and how it is carried on.
-#[derive(Args)]
+/// Through what light enters an interior.
+#[derive(Args, Default)]
 #[command(next_help_heading = "Interiors")]
-pub struct PortalChoice {
+pub struct Openings {
     /// Material or group names of the glass, like 'glass*'; may be given several times
     #[arg(long, value_name = "GLOB")]
     pub portal: Vec<String>,
     /// A portal file [default: SCENE.portals.json, where there is one]
     #[arg(long, value_name = "FILE", conflicts_with = "portal")]
     pub portals: Option<PathBuf>,
-    /// Bake under the open sky though there is a portal file
+    /// Take the scene as it is, glass and all, though there is a portal file
     #[arg(long)]
     pub no_portals: bool,
     /// Split portals too large for exterior objects at this distance, metres
     #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
     pub nearest_exterior: Option<f32>,
+}
+
+/// How light that enters an interior is carried on.
+#[derive(Args)]
+#[command(next_help_heading = "Interiors")]
+pub struct PortalChoice {
+    #[command(flatten)]
+    pub openings: Openings,
     /// Texels on a side of a portal's cubemap: 8, 16, 32 or 64
     #[arg(long, default_value_t = 32)]
     pub resolution: usize,
-    /// Start bounced light from this many photons per portal, instead of gathering it from the direct light
+    /// Start bounced SH light from this many photons per portal, instead of gathering it from the direct light
     #[arg(long, value_name = "N")]
     pub photons: Option<u64>,
-    /// Choose the bands of bounced light that hold this percentage of its energy
+    /// Choose the bands of bounced SH light that hold this percentage of its energy
     #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
     pub energy: Option<f64>,
     /// Patches of direct-to-indirect transport
@@ -251,6 +259,8 @@ pub struct Render {
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u32,
     #[command(flatten)]
+    pub openings: Openings,
+    #[command(flatten)]
     pub picture: PictureOptions,
     #[command(flatten)]
     pub read: SceneOptions,
@@ -263,17 +273,27 @@ pub struct Compare {
     pub scene: String,
     #[command(flatten)]
     pub light: LightOptions,
-    /// Methods as for relight, comma-separated
-    #[arg(long, value_delimiter = ',', default_value = "bent,aperture,sh3,sh5,sh10")]
+    /// Methods as for relight, comma-separated; of an interior also portal, portal-sh1 to portal-sh10 and portal-d2i,
+    /// by what carries its bounced light [default: bent,aperture,sh3,sh5,sh10; of an interior
+    /// sh5,sh10,portal-sh4,portal-d2i]
+    #[arg(long, value_delimiter = ',')]
     pub methods: Vec<String>,
     /// Folder for the table and the pictures
     #[arg(short, long, default_value = "compare")]
     pub output: PathBuf,
-    /// Paths per vertex of the reference
+    /// Paths per judged point of the reference
     #[arg(long, default_value_t = 1024, allow_negative_numbers = true)]
     pub samples: u32,
+    /// Paths per pixel of the reference picture
+    #[arg(long, default_value_t = 64, allow_negative_numbers = true)]
+    pub picture_samples: u32,
+    /// Judge in the middle of one of so many triangles
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub every: usize,
     #[command(flatten)]
     pub effort: Effort,
+    #[command(flatten)]
+    pub portals: PortalChoice,
     #[command(flatten)]
     pub picture: PictureOptions,
     #[command(flatten)]

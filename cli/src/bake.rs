@@ -21,7 +21,7 @@ pub fn run(arguments: &args::Bake) -> Result<()> {
     output::check_folder(&path)?;
     let portal_options = portals::options(&arguments.portals)?;
     let mut scene = scene::load(&arguments.scene, &arguments.read)?;
-    let portals = portals::take(&mut scene, &arguments.scene, &arguments.portals)?;
+    let portals = portals::take(&mut scene, &arguments.scene, &arguments.portals.openings)?;
     let started = Instant::now();
     let asset = if portals.is_empty() {
         bake(&scene, &arguments.scene, &options)?

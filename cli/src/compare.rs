@@ -1,30 +1,58 @@
-//! `lunette compare`: methods against the path-traced reference, at the vertices.
+//! `lunette compare`: methods against the path-traced reference, in the middles of triangles and in a picture.
 
 use std::time::Instant;
 
 use anyhow::{Context, Result, anyhow, ensure};
-use lunette_bake::{Basis, Options};
+use lunette_bake::{Basis, Options, PortalOptions};
 use lunette_relight::asset::Asset;
 use lunette_relight::frame::Method;
-use lunette_render::{Scale, Tracer};
+use lunette_relight::light::Light;
+use lunette_render::{ReferenceImage, ReferenceOptions, Scale, Tracer};
+use lunette_scenes::{Portal, Scene};
 
+use crate::engine::Engine;
 use crate::judge::{self, Judge};
 use crate::progress::say;
-use crate::{args, bake, light, output, relight, render, scene, stage};
+use crate::{args, bake, light, output, portals, relight, render, scene, stage};
+
+/// What is compared where nothing else is asked for.
+const UNDER_THE_SKY: [&str; 5] = ["bent", "aperture", "sh3", "sh5", "sh10"];
+const INSIDE: [&str; 4] = ["sh5", "sh10", "portal-sh4", "portal-d2i"];
+
+/// What a name on the command line means.
+#[derive(Clone, Copy)]
+enum Candidate {
+    /// The sky as one shell, plain precomputed radiance transfer.
+    Sky(Method),
+    /// Portals, bounced light as both carriers, chosen by the light.
+    Portal,
+    /// Portals, bounced light as SH of this order.
+    PortalSh(usize),
+    /// Portals, bounced light from direct light.
+    PortalDirectToIndirect,
+}
 
 /// `lunette compare`
 pub fn run(arguments: &args::Compare) -> Result<()> {
-    let methods: Vec<(&str, Method)> = arguments
-        .methods
-        .iter()
-        .map(|m| Ok((m.as_str(), relight::method(m).context("--methods")?)))
-        .collect::<Result<_>>()?;
     let effort = bake::options(&["sh".into()], &arguments.effort)?;
     effort.check().map_err(|e| anyhow!("{e}"))?;
+    let portal_options = portals::options(&arguments.portals)?;
     let samples = render::options(arguments.samples, effort.bounces as u32, 1)?;
+    render::options(arguments.picture_samples, 0, 1).context("--picture-samples")?;
+    ensure!(arguments.every > 0, "--every: 0 is no step; give 1 or more");
     let exposure = stage::exposure(&arguments.picture)?;
     stage::size(&arguments.picture)?;
-    let scene = scene::load(&arguments.scene, &arguments.read)?;
+    let asked = candidates(&arguments.methods)?;
+    let mut scene = scene::load(&arguments.scene, &arguments.read)?;
+    let portals = portals::take(&mut scene, &arguments.scene, &arguments.portals.openings)?;
+    let default: &[&str] = if portals.is_empty() { &UNDER_THE_SKY } else { &INSIDE };
+    let default: Vec<String> = default.iter().map(|m| m.to_string()).collect();
+    let candidates = if asked.is_empty() { candidates(&default)? } else { asked };
+    if portals.is_empty()
+        && let Some((name, _)) = candidates.iter().find(|(_, c)| !matches!(c, Candidate::Sky(_)))
+    {
+        anyhow::bail!("--methods: {name} needs portals; name them with --portal, or let `lunette portals` find them");
+    }
     let mut lights = light::frames(&arguments.light, scene.mesh.bounds())?;
     ensure!(lights.len() == 1, "compare takes one light, not a day; give --light sky:azimuth,elevation");
     let (_, light) = lights.remove(0);
@@ -33,29 +61,37 @@ pub fn run(arguments: &args::Compare) -> Result<()> {
 
     let albedo = scene.vertex_albedo();
     let surface = render::surface(&scene, &albedo);
-    let tracer = Tracer::new(surface).map_err(|e| anyhow!("{e}"))?;
+    let tracer = render::tracer(surface, &portals)?;
     let visibility = stage::visibility(&arguments.picture, surface)?;
-    let judge = Judge::new(&scene, &tracer, &light, &samples, 1)?;
-    let truth = stage::shade(&visibility, &surface, bytemuck::cast_slice(&judge.reference), &light)?;
-    output::picture(&folder.join("reference.png"), &truth, exposure)?;
+    let judge = Judge::new(&scene, &tracer, &light, &samples, arguments.every, &portals)?;
+    let truth = truth(arguments, &tracer, &light, &samples)?;
+    output::picture(&folder.join("reference.png"), &truth.image, exposure)?;
 
     let coverage = visibility.coverage();
+    let noise = lunette_render::noise(&truth.error.pixels, &truth.image.pixels, Some(&coverage))
+        .map_err(|e| anyhow!("{e}"))?;
+    let work = Work { scene: &scene, portals: &portals, effort: &effort, portal_options: &portal_options };
     let mut rows = Vec::new();
-    for (name, method) in methods {
+    for (name, candidate) in candidates {
         let started = Instant::now();
-        let asset = bake::bake(&scene, "", &options_of(method, &effort))?;
+        let asset = work.bake(candidate)?;
         let seconds = started.elapsed().as_secs_f64();
         // Through the file's bytes, so that what is judged is what is stored.
         let bytes = asset.to_bytes().map_err(|e| anyhow!("{e}"))?;
         let asset = Asset::from_bytes(&bytes).map_err(|e| anyhow!("{e}"))?;
-        let (row, total) = judge::measure(&asset, (name, method), seconds, &light, &judge)?;
+        let mut engine = engine(&asset, candidate)?;
+        let (mut row, total) = judge::measure(&asset, (&name, &mut engine), seconds, &light, &judge)?;
         let picture = stage::shade(&visibility, &surface, &total, &light)?;
         output::picture(&folder.join(format!("{name}.png")), &picture, exposure)?;
-        let error = lunette_render::error_picture(&picture, &truth, Some(&coverage), Scale::default())
+        let error = lunette_render::error_picture(&picture, &truth.image, Some(&coverage), Scale::default())
             .map_err(|e| anyhow!("{e}"))?;
         lunette_render::write_png(&folder.join(format!("{name}-error.png")), &error)
             .map_err(|e| anyhow!("{e}"))?;
-        if !row.is_judged {
+        let difference =
+            lunette_render::difference(&picture.pixels, &truth.image.pixels, Some(&coverage))
+                .map_err(|e| anyhow!("{e}"))?;
+        row.picture = Some((difference.relative, noise));
+        if !row.is_judged() {
             say(&format!(
                 "{name}: the reference is too noisy to judge so small an error; give more --samples"
             ));
@@ -67,6 +103,74 @@ pub fn run(arguments: &args::Compare) -> Result<()> {
         .map_err(|e| anyhow!("{e}"))?;
     print!("{text}");
     Ok(())
+}
+
+/// The path-traced picture.
+fn truth(
+    arguments: &args::Compare,
+    tracer: &Tracer,
+    light: &Light,
+    options: &ReferenceOptions,
+) -> Result<ReferenceImage> {
+    let options = ReferenceOptions { samples: arguments.picture_samples, ..*options };
+    let camera = stage::camera(&arguments.picture, tracer)?;
+    let size = stage::size(&arguments.picture)?;
+    render::image(tracer, light, &camera, size, &options)
+}
+
+fn candidates(names: &[String]) -> Result<Vec<(String, Candidate)>> {
+    names.iter().map(|name| Ok((name.clone(), candidate(name).context("--methods")?))).collect()
+}
+
+fn candidate(name: &str) -> Result<Candidate> {
+    let portal = match name.strip_prefix("portal") {
+        None => return relight::method(name).map(Candidate::Sky),
+        Some(portal) => portal,
+    };
+    let order = |digits: &str| digits.parse().ok().filter(|n| (1..=10).contains(n));
+    match (portal, portal.strip_prefix("-sh").and_then(order)) {
+        ("", _) => Ok(Candidate::Portal),
+        ("-d2i", _) => Ok(Candidate::PortalDirectToIndirect),
+        (_, Some(order)) => Ok(Candidate::PortalSh(order)),
+        _ => anyhow::bail!("there is no method '{name}'; with portals there are portal, portal-sh1 to portal-sh10, portal-d2i"),
+    }
+}
+
+/// The engine by which a candidate's asset is lit.
+fn engine<'a>(asset: &'a Asset<'a>, candidate: Candidate) -> Result<Engine<'a>> {
+    let inside = |indirect: Option<&str>| args::Outside { indirect: indirect.map(String::from), ..Default::default() };
+    match candidate {
+        Candidate::Sky(method) => Engine::new(asset, Some(method), &inside(None)),
+        Candidate::Portal => Engine::new(asset, None, &inside(None)),
+        Candidate::PortalSh(_) => Engine::new(asset, None, &inside(Some("sh"))),
+        Candidate::PortalDirectToIndirect => Engine::new(asset, None, &inside(Some("direct-to-indirect"))),
+    }
+}
+
+/// What every bake needs.
+struct Work<'a> {
+    scene: &'a Scene,
+    portals: &'a [Portal],
+    effort: &'a Options,
+    portal_options: &'a PortalOptions,
+}
+
+impl Work<'_> {
+    /// Bakes what a candidate needs, and no more.
+    fn bake(&self, candidate: Candidate) -> Result<Asset<'static>> {
+        let inside = |order: usize, carrier| {
+            let options = Options { order: 10, indirect_order: order, ..self.effort.clone() };
+            let portal_options = PortalOptions { carrier, ..*self.portal_options };
+            bake::bake_portals(self.scene, self.portals, "", &options, &portal_options)
+        };
+        let carrier = self.portal_options.carrier.or(PortalOptions::default().carrier);
+        match candidate {
+            Candidate::Sky(method) => bake::bake(self.scene, "", &options_of(method, self.effort)),
+            Candidate::Portal => inside(self.effort.indirect_order, carrier),
+            Candidate::PortalSh(order) => inside(order, None),
+            Candidate::PortalDirectToIndirect => inside(0, carrier),
+        }
+    }
 }
 
 /// What must be baked for a method. Bounced light needs the SH pass, whatever carries the direct light.

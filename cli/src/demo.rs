@@ -14,7 +14,8 @@ use lunette_relight::light::Light;
 use lunette_render::{Exposure, ReferenceOptions, Tracer, Visibility, auto_exposure};
 use lunette_scenes::{LoadOptions, Scene};
 
-use crate::args::{self, PictureOptions};
+use crate::args::{self, Outside, PictureOptions};
+use crate::engine::Engine;
 use crate::judge::{self, Judge, Row};
 use crate::progress::say;
 use crate::{bake, day, light, output, relight, render, stage};
@@ -151,19 +152,21 @@ fn try_methods(desk: &Desk, trial: &'static Trial) -> Result<Tried> {
     let albedo = desk.scene.vertex_albedo();
     let tracer = Tracer::new(render::surface(desk.scene, &albedo)).map_err(|e| anyhow!("{e}"))?;
     let samples = ReferenceOptions { samples: trial.samples, bounces: 2, seed: 1 };
-    let judge = Judge::new(desk.scene, &tracer, &light, &samples, trial.stride)?;
+    let judge = Judge::new(desk.scene, &tracer, &light, &samples, trial.stride, &[])?;
     let mut pictures = Vec::new();
     let mut exposure = Exposure::Auto;
     if trial.stride == 1 {
-        let reference = bytemuck::cast_slice(&judge.reference);
-        let truth = stage::shade(&desk.visibility, &stage::surface(desk.asset), reference, &light)?;
-        exposure = Exposure::Stops(auto_exposure(&truth));
-        pictures.push(desk.trial_picture("reference", reference, &light, exposure)?);
+        let truth = render::vertices(&tracer, &light, &samples)?.total();
+        let truth: &[[f32; 3]] = bytemuck::cast_slice(&truth);
+        let image = stage::shade(&desk.visibility, &stage::surface(desk.asset), truth, &light)?;
+        exposure = Exposure::Stops(auto_exposure(&image));
+        pictures.push(desk.trial_picture("reference", truth, &light, exposure)?);
     }
     let mut rows = Vec::new();
     for name in METHODS {
-        let method = (name, relight::method(name)?);
-        let (row, total) = judge::measure(desk.asset, method, desk.bake_seconds, &light, &judge)?;
+        let mut engine = Engine::new(desk.asset, Some(relight::method(name)?), &Outside::default())?;
+        let (row, total) =
+            judge::measure(desk.asset, (name, &mut engine), desk.bake_seconds, &light, &judge)?;
         if trial.stride == 1 && SHOWN.contains(&name) {
             pictures.push(desk.trial_picture(name, &total, &light, exposure)?);
         }

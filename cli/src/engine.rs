@@ -40,6 +40,13 @@ pub struct Spent {
     pub dot: Duration,
 }
 
+impl Spent {
+    /// The whole frame.
+    pub fn all(&self) -> Duration {
+        self.project + self.dot
+    }
+}
+
 /// Irradiance of all vertices.
 pub struct Evaluated {
     pub direct: Vec<[f32; 3]>,
@@ -66,6 +73,14 @@ impl<'a> Engine<'a> {
             frame.set_indirect(carried).map_err(|e| anyhow!("{e}"))?;
         }
         Ok(Engine::Sky(Box::new(frame)))
+    }
+
+    /// What a frame reads per vertex, bytes: direct and bounced light.
+    pub fn bytes_per_vertex(&self) -> (f32, f32) {
+        match self {
+            Engine::Sky(frame) => frame.bytes_per_vertex(),
+            Engine::Interior(interior) => interior.frame.bytes_per_vertex(),
+        }
     }
 
     /// Irradiance of all vertices under a light, in frame `i` of `n`.

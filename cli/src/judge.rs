@@ -1,41 +1,54 @@
-//! Methods held against the path-traced reference, at the vertices.
+//! Methods held against the path-traced reference, in the middles of triangles: what is between the vertices counts,
+//! and no point lies in a crease, where the truth is a matter of opinion.
 
 use std::fmt::Write as _;
-use std::time::{Duration, Instant};
-
-use anyhow::{Result, anyhow};
+use anyhow::{Result, anyhow, ensure};
 use glam::Vec3;
 use lunette_relight::asset::Asset;
-use lunette_relight::frame::{Frame, Method};
 use lunette_relight::light::Light;
-use lunette_render::{ReferenceOptions, Tracer};
-use lunette_scenes::Scene;
+use lunette_render::{Difference, Reference, ReferenceOptions, Tracer};
+use lunette_scenes::{Mesh, Portal, Scene};
 
+use crate::engine::Engine;
 use crate::{relight, render};
 
-/// The truth under one light, at every `stride`-th vertex.
+/// The truth under one light, in the middle of every `stride`-th triangle.
 pub struct Judge {
-    /// Irradiance of the judged vertices.
-    pub reference: Vec<Vec3>,
-    /// Relative difference that the reference's own noise brings.
-    pub noise: f64,
+    /// Irradiance at the judged points and its standard errors.
+    pub reference: Reference,
+    /// Both parts of it together.
+    pub total: Vec<Vec3>,
+    /// What the reference's own noise brings, as relative differences.
+    pub noise: Parts,
+    /// Of each judged triangle, its corners and its area; 0 for what is not to be judged.
+    triangles: Vec<[u32; 3]>,
     area: Vec<f32>,
     stride: usize,
     options: ReferenceOptions,
+}
+
+/// A number for all light, for direct and for bounced light.
+#[derive(Clone, Copy)]
+pub struct Parts {
+    pub total: f64,
+    pub direct: f64,
+    pub indirect: f64,
 }
 
 /// One line of the table.
 pub struct Row {
     /// The method, as on the command line.
     pub name: String,
-    /// Relative difference against the reference.
-    pub relative: f64,
+    /// Relative differences against the reference.
+    pub relative: Parts,
+    /// Of the picture's pixels that see a surface, and the noise of its reference; where there is one.
+    pub picture: Option<(f64, f64)>,
     /// 99th percentile of the error over the reference's mean.
     pub percentile_99: f64,
-    /// Whether the reference's noise is small enough to judge it.
-    pub is_judged: bool,
-    /// What the method reads per vertex.
-    pub bytes: usize,
+    /// The reference's noise.
+    pub noise: Parts,
+    /// What the method reads per vertex, of direct and of bounced light.
+    pub bytes: (f32, f32),
     /// Of everything that the method needs.
     pub bake_seconds: f64,
     /// Projecting the light and evaluating all vertices, on all threads.
@@ -45,9 +58,19 @@ pub struct Row {
 impl Row {
     /// The relative difference in percent; `~` before one that is under five times the reference's noise.
     pub fn percent(&self) -> String {
-        let mark = if self.is_judged { "" } else { "~" };
-        format!("{mark}{:.2}", 100.0 * self.relative)
+        percent(self.relative.total, self.noise.total)
     }
+
+    /// Whether the reference's noise is small enough to judge it.
+    pub fn is_judged(&self) -> bool {
+        lunette_render::may_judge(self.noise.total, self.relative.total)
+    }
+}
+
+/// A relative difference in percent; `~` before one that is under five times the reference's noise.
+fn percent(relative: f64, noise: f64) -> String {
+    let mark = if lunette_render::may_judge(noise, relative) { "" } else { "~" };
+    format!("{mark}{:.2}", 100.0 * relative)
 }
 
 impl Judge {
@@ -58,88 +81,132 @@ impl Judge {
         light: &Light,
         options: &ReferenceOptions,
         stride: usize,
+        portals: &[Portal],
     ) -> Result<Judge> {
-        let position = picked(&scene.mesh.position, stride);
-        let normal: Vec<Vec3> = picked(&scene.mesh.normal, stride).iter().map(|n| n.normalize()).collect();
-        let area = picked(&scene.mesh.vertex_area(), stride);
+        let mesh = &scene.mesh;
+        let triangles: Vec<[u32; 3]> = mesh.index.iter().step_by(stride).copied().collect();
+        let mut area: Vec<f32> = triangles.iter().map(|t| triangle_area(mesh, t)).collect();
+        if !portals.is_empty() {
+            // Outer walls are lit by more than portals, and are not what an interior is baked for.
+            let inside = lunette_bake::openings::inside(scene, portals).map_err(|e| anyhow!("{e}"))?;
+            let is_inside = |t: &[u32; 3]| t.iter().all(|&v| inside[v as usize]);
+            ensure!(
+                triangles.iter().any(is_inside),
+                "no triangle is lit through the portals alone: do they part inside from outside?"
+            );
+            area.iter_mut().zip(&triangles).filter(|(_, t)| !is_inside(t)).for_each(|(area, _)| *area = 0.0);
+        }
+        let position = middles(&mesh.position, &triangles);
+        let normal: Vec<Vec3> =
+            middles(&mesh.normal, &triangles).iter().map(|n| n.normalize_or_zero()).collect();
         let reference = render::at(tracer, light, &position, &normal, options)?;
         let total = reference.total();
-        let noise =
-            lunette_render::noise(&reference.error, &total, Some(&area)).map_err(|e| anyhow!("{e}"))?;
-        Ok(Judge { reference: total, noise, area, stride, options: *options })
+        // A part's noise is held against all light, as its difference is: see `measure`.
+        let noise = |error: &[Vec3]| {
+            lunette_render::noise(error, &total, Some(&area)).map_err(|e| anyhow!("{e}"))
+        };
+        let noise = Parts {
+            total: noise(&reference.error)?,
+            direct: noise(&reference.direct_error)?,
+            indirect: noise(&reference.indirect_error)?,
+        };
+        let part = |part: &[Vec3]| share(part, &total, &area);
+        let noise = Parts {
+            direct: noise.direct / part(&reference.direct),
+            indirect: noise.indirect / part(&reference.indirect),
+            ..noise
+        };
+        Ok(Judge { total, reference, noise, triangles, area, stride, options: *options })
     }
 
     /// How the numbers came about, in one line.
     pub fn describe(&self) -> String {
         let which = match self.stride {
-            1 => "the vertices".to_string(),
-            n => format!("every {n}th vertex"),
+            1 => "the middles of the triangles".to_string(),
+            n => format!("the middle of every {n}th triangle"),
         };
+        let n = self.noise;
         format!(
-            "irradiance at {which}, weighted by area, against {} paths with {} bounces; the reference's own noise is {:.2} % (~ marks what is under five times that)",
+            "irradiance at {which}, weighted by area, against {} paths with {} bounces; the reference's own noise is {:.2} % (direct {:.2} %, bounced {:.2} %; ~ marks what is under five times that)",
             self.options.samples,
             self.options.bounces,
-            100.0 * self.noise
+            100.0 * n.total,
+            100.0 * n.direct,
+            100.0 * n.indirect
         )
+    }
+
+    fn difference(&self, all: &[[f32; 3]], reference: &[Vec3]) -> Result<Difference> {
+        let judged = middles(bytemuck::cast_slice(all), &self.triangles);
+        lunette_render::difference(&judged, reference, Some(&self.area)).map_err(|e| anyhow!("{e}"))
     }
 }
 
-/// Relights an asset by a method, judges it, and gives the irradiance of all vertices too.
+/// Share of light that a part of it has, over area; never 0.
+fn share(part: &[Vec3], total: &[Vec3], area: &[f32]) -> f64 {
+    let sum = |light: &[Vec3]| light.iter().zip(area).map(|(l, a)| f64::from(l.element_sum() * a)).sum::<f64>();
+    (sum(part) / sum(total)).max(f64::MIN_POSITIVE)
+}
+
+/// Relights an asset, judges it, and gives the irradiance of all vertices too.
 pub fn measure(
     asset: &Asset,
-    (name, method): (&str, Method),
+    (name, engine): (&str, &mut Engine),
     bake_seconds: f64,
     light: &Light,
     judge: &Judge,
 ) -> Result<(Row, Vec<[f32; 3]>)> {
-    let mut frame = Frame::new(asset, method).map_err(|e| anyhow!("{e}"))?;
-    let relight_milliseconds = time_frame(&mut frame, light, asset.n_vertices());
-    let (direct, indirect) = relight::evaluate(&frame, asset.n_vertices());
-    let total = relight::sum(&direct, &indirect);
-    let judged: Vec<Vec3> = picked(bytemuck::cast_slice(&total), judge.stride);
-    let d = lunette_render::difference(&judged, &judge.reference, Some(&judge.area))
-        .map_err(|e| anyhow!("{e}"))?;
+    let mut lit = engine.light(asset, light, 0, 1)?;
+    let mut least = lit.spent.all();
+    for _ in 1..5 {
+        lit = engine.light(asset, light, 0, 1)?;
+        least = least.min(lit.spent.all());
+    }
+    let total = relight::sum(&lit.direct, &lit.indirect);
+    let all = judge.difference(&total, &judge.total)?;
     let row = Row {
         name: name.to_string(),
-        relative: d.relative,
-        percentile_99: d.percentile_99,
-        is_judged: lunette_render::may_judge(judge.noise, d.relative),
-        bytes: frame.bytes_per_vertex(),
+        relative: Parts {
+            total: all.relative,
+            direct: judge.difference(&lit.direct, &judge.reference.direct)?.relative,
+            indirect: judge.difference(&lit.indirect, &judge.reference.indirect)?.relative,
+        },
+        picture: None,
+        percentile_99: all.percentile_99,
+        noise: judge.noise,
+        bytes: engine.bytes_per_vertex(),
         bake_seconds,
-        relight_milliseconds,
+        relight_milliseconds: least.as_secs_f64() * 1e3,
     };
     Ok((row, total))
 }
 
-/// The least of several frames, projection of the light included; the first one also fills the caches.
-fn time_frame(frame: &mut Frame, light: &Light, n_vertices: usize) -> f64 {
-    let mut out = vec![[0.0; 3]; n_vertices];
-    let mut least = Duration::MAX;
-    for _ in 0..5 {
-        let started = Instant::now();
-        frame.project(light);
-        frame.irradiance_parallel(&mut out);
-        least = least.min(started.elapsed());
-    }
-    least.as_secs_f64() * 1e3
+/// Means over the corners of triangles.
+fn middles(of_vertices: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
+    triangles.iter().map(|t| t.map(|v| of_vertices[v as usize]).iter().sum::<Vec3>() / 3.0).collect()
 }
 
-fn picked<T: Copy>(all: &[T], stride: usize) -> Vec<T> {
-    all.iter().step_by(stride).copied().collect()
+fn triangle_area(mesh: &Mesh, triangle: &[u32; 3]) -> f32 {
+    let [a, b, c] = triangle.map(|v| mesh.position[v as usize]);
+    0.5 * (b - a).cross(c - a).length()
 }
 
 /// The rows as text, with a last line that says how they came about.
 pub fn table(rows: &[Row], judge: &Judge) -> String {
     let mut text = format!(
-        "{:<18} {:>10} {:>10} {:>8} {:>8} {:>10}\n",
-        "method", "rel. diff", "99th pct", "bytes/V", "bake s", "relight ms"
+        "{:<18} {:>10} {:>10} {:>10} {:>10} {:>10} {:>14} {:>8} {:>10}\n",
+        "method", "rel. diff", "direct", "bounced", "99th pct", "picture", "bytes/V", "bake s", "relight ms"
     );
     for r in rows {
         let (d, p) = (r.percent(), 100.0 * r.percentile_99);
+        let [direct, indirect] =
+            [(r.relative.direct, r.noise.direct), (r.relative.indirect, r.noise.indirect)].map(|(r, n)| percent(r, n));
+        let picture = r.picture.map_or("-".into(), |(r, n)| format!("{} %", percent(r, n)));
+        let bytes = format!("{:.0} + {:.0}", r.bytes.0, r.bytes.1);
         let _ = writeln!(
             text,
-            "{:<18} {d:>8} % {p:>8.1} % {:>8} {:>8.1} {:>10.2}",
-            r.name, r.bytes, r.bake_seconds, r.relight_milliseconds
+            "{:<18} {d:>8} % {direct:>8} % {indirect:>8} % {p:>8.1} % {picture:>10} {bytes:>14} {:>8.1} {:>10.2}",
+            r.name, r.bake_seconds, r.relight_milliseconds
         );
     }
     let _ = writeln!(text, "{}", judge.describe());

@@ -11,7 +11,7 @@ use crate::progress::say;
 const LARGEST_ANGLE: f32 = 5.0;
 
 /// The portals of a scene, taken out of its mesh: by `--portal`, else from a sidecar, else none.
-pub fn take(scene: &mut Scene, name: &str, options: &args::PortalChoice) -> Result<Vec<Portal>> {
+pub fn take(scene: &mut Scene, name: &str, options: &args::Openings) -> Result<Vec<Portal>> {
     let sidecar = options.portals.clone().unwrap_or_else(|| lunette_scenes::sidecar_path(name));
     let portals = if !options.portal.is_empty() {
         lunette_scenes::take_portals(scene, &options.portal).map_err(|e| anyhow!("{e}"))?

@@ -3,13 +3,13 @@
 use anyhow::{Result, anyhow, ensure};
 use glam::Vec3;
 use lunette_relight::light::Light;
-use lunette_render::{Reference, ReferenceOptions, Surface, Tracer};
-use lunette_scenes::Scene;
+use lunette_render::{Camera, Reference, ReferenceImage, ReferenceOptions, Surface, Tracer};
+use lunette_scenes::{Portal, Scene};
 
 use crate::args;
 use crate::output::{self, Lit};
 use crate::progress::Bar;
-use crate::{light, scene, stage};
+use crate::{light, portals, scene, stage};
 
 /// `lunette render`
 pub fn run(arguments: &args::Render) -> Result<()> {
@@ -18,20 +18,17 @@ pub fn run(arguments: &args::Render) -> Result<()> {
     let exposure = stage::exposure(&arguments.picture)?;
     let size = stage::size(&arguments.picture)?;
     let options = options(arguments.samples, arguments.bounces, arguments.seed)?;
-    let scene = scene::load(&arguments.scene, &arguments.read)?;
+    let mut scene = scene::load(&arguments.scene, &arguments.read)?;
+    let portals = portals::take(&mut scene, &arguments.scene, &arguments.openings)?;
     let lights = light::frames(&arguments.light, scene.mesh.bounds())?;
     let albedo = scene.vertex_albedo();
-    let surface = surface(&scene, &albedo);
-    let tracer = Tracer::new(surface).map_err(|e| anyhow!("{e}"))?;
+    let tracer = tracer(surface(&scene, &albedo), &portals)?;
     let camera = stage::camera(&arguments.picture, &tracer)?;
     for (i, (label, light)) in lights.iter().enumerate() {
         let path = output::frame_path(&arguments.output, i, lights.len())?;
         let label = if label.is_empty() { String::new() } else { format!(", {label}") };
         if kind.is_picture() {
-            let counter = Counter::new("pixels", size.0 * size.1);
-            let reference =
-                lunette_render::reference_image(&tracer, light, &camera, size, &options, |n| counter.add(n));
-            let reference = reference.map_err(|e| anyhow!("{e}"))?;
+            let reference = image(&tracer, light, &camera, size, &options)?;
             output::picture(&path, &reference.image, exposure)?;
             let noise = lunette_render::noise(&reference.error.pixels, &reference.image.pixels, None);
             println!("{}: {}{label}", path.display(), noise_text(noise));
@@ -68,6 +65,13 @@ pub fn surface<'a>(scene: &'a Scene, albedo: &'a [Vec3]) -> Surface<'a> {
     Surface { position: &scene.mesh.position, normal: &scene.mesh.normal, index: &scene.mesh.index, albedo }
 }
 
+/// The path tracer of a surface; it aims at the portals, if there are any.
+pub fn tracer<'a>(surface: Surface<'a>, portals: &[Portal]) -> Result<Tracer<'a>> {
+    let panes: Vec<[Vec3; 3]> = portals.iter().flat_map(|p| p.triangles.iter().copied()).collect();
+    let tracer = Tracer::new(surface).map_err(|e| anyhow!("{e}"))?;
+    if panes.is_empty() { Ok(tracer) } else { tracer.with_portals(&panes).map_err(|e| anyhow!("{e}")) }
+}
+
 /// The reference at every vertex, with a progress bar.
 pub fn vertices(tracer: &Tracer, light: &Light, options: &ReferenceOptions) -> Result<Reference> {
     let surface = tracer.surface();
@@ -85,6 +89,19 @@ pub fn at(
 ) -> Result<Reference> {
     let counter = Counter::new("vertices", position.len());
     lunette_render::reference_irradiance(tracer, light, position, normal, options, |n| counter.add(n))
+        .map_err(|e| anyhow!("{e}"))
+}
+
+/// The reference as a picture, with a progress bar.
+pub fn image(
+    tracer: &Tracer,
+    light: &Light,
+    camera: &Camera,
+    size: (usize, usize),
+    options: &ReferenceOptions,
+) -> Result<ReferenceImage> {
+    let counter = Counter::new("pixels", size.0 * size.1);
+    lunette_render::reference_image(tracer, light, camera, size, options, |n| counter.add(n))
         .map_err(|e| anyhow!("{e}"))
 }
 

@@ -276,21 +276,22 @@ impl<'a> Frame<'a> {
         out.par_chunks_mut(task).enumerate().for_each(|(i, out)| self.add_indirect(i * task, out));
     }
 
-    /// What the method reads per vertex, bytes: direct and bounced light, without the mesh.
-    pub fn bytes_per_vertex(&self) -> usize {
+    /// What the method reads per vertex, bytes in the mean: (direct, bounced), without the mesh.
+    pub fn bytes_per_vertex(&self) -> (f32, f32) {
         let direct = match self.method {
-            Method::Bent | Method::Aperture(_) => 8,
-            Method::Sh { order, .. } => 2 * self.direct.n.min(order.saturating_mul(order)),
-            Method::Haar => {
-                self.sparse.as_ref().map_or(0, |s| s.rows.bytes().div_ceil(s.rows.n_rows().max(1)))
-            }
+            Method::Bent | Method::Aperture(_) => 8.0,
+            Method::Sh { order, .. } => 2.0 * self.direct.n.min(order.saturating_mul(order)) as f32,
+            Method::Haar => self
+                .sparse
+                .as_ref()
+                .map_or(0.0, |s| s.rows.bytes() as f32 / s.rows.n_rows().max(1) as f32),
         };
         let bounced = match (self.carried, &self.carrier) {
             (Indirect::Sh, _) => 6 * self.indirect.n,
             (Indirect::DirectToIndirect, Some(carrier)) => 2 * carrier.rank() + 2,
             _ => 0,
         };
-        direct + bounced
+        (direct, bounced as f32)
     }
 
     fn rows(&self, name: &str, from: usize, count: usize) -> &[f16] {

@@ -15,6 +15,7 @@ mod bars;
 mod cluster;
 mod cut;
 mod grid;
+mod inside;
 mod outline;
 mod panes;
 mod rays;
@@ -26,6 +27,7 @@ use glam::Vec3;
 use lunette_scenes::{Portal, Scene};
 use rayon::prelude::*;
 
+pub use inside::inside;
 pub use sides::{leak_share, orient};
 
 use crate::{Error, Progress};

@@ -41,6 +41,13 @@ impl Gates {
         Some(self.portal_of[self.tree.intersect(&ray)?.primitive as usize])
     }
 
+    /// For each ray of a packet whether it passes any portal.
+    pub fn any(&self, rays: &ffi::Packet<16>) -> [bool; 16] {
+        let mut rays = *rays;
+        self.tree.occluded_packet(&ffi::Mask::all(), &mut rays);
+        std::array::from_fn(|lane| rays.is_occluded(lane))
+    }
+
     /// For each ray of a packet whether the first portal it passes is `portal`.
     pub fn pass(&self, portal: u32, rays: &ffi::Packet<16>) -> [bool; 16] {
         let mut rays = *rays;

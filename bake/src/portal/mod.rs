@@ -32,6 +32,7 @@ use crate::sampling::{HemisphereSets, hash};
 use crate::{Error, Options, Progress, Surface, mesh_asset};
 use direct::{Aim, Row};
 pub use gate::Gates;
+pub(crate) use orient::inwards;
 
 /// Where bounced SH light starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,8 +100,9 @@ pub fn bake_portals(
         return Err(Error::EmptyScene);
     }
     crate::pool(options.threads)?.install(|| {
-        let surface = Surface::new(scene)?;
-        let portals = &orient::inwards(portals, &surface);
+        let mut surface = Surface::new(scene)?;
+        let portals = &inwards(portals, &surface);
+        surface.keep_inside(portals);
         let gates = Gates::new(portals)?;
         let sets = HemisphereSets::new(BURIAL_RAYS, hash(options.seed, u64::MAX));
         let all: Vec<usize> = (0..scene.mesh.position.len()).collect();

@@ -66,8 +66,8 @@ fn table(page: &mut String, tried: &Tried) {
         let (d, p) = (r.percent(), 100.0 * r.percentile_99);
         let _ = writeln!(
             page,
-            "<tr><td>{}<td>{d} %<td>{p:.1} %<td>{}<td>{:.1}<td>{:.2}</tr>",
-            r.name, r.bytes, r.bake_seconds, r.relight_milliseconds
+            "<tr><td>{}<td>{d} %<td>{p:.1} %<td>{:.0}<td>{:.1}<td>{:.2}</tr>",
+            r.name, r.bytes.0 + r.bytes.1, r.bake_seconds, r.relight_milliseconds
         );
     }
     let _ = writeln!(
@@ -87,7 +87,7 @@ fn summary(told: &[Told]) -> String {
          of the cases above.</p>\n<table><tr><th>method<th>best<th>where<th>worst<th>where</tr>\n",
     );
     for (i, name) in super::METHODS.iter().enumerate() {
-        let error = |(_, tried): &&(&Told, &Tried)| tried.rows[i].relative;
+        let error = |(_, tried): &&(&Told, &Tried)| tried.rows[i].relative.total;
         let by_error = |a: &&(&Told, &Tried), b: &&(&Told, &Tried)| error(a).total_cmp(&error(b));
         let (Some(best), Some(worst)) = (trials.iter().min_by(by_error), trials.iter().max_by(by_error))
         else {

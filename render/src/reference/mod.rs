@@ -61,6 +61,10 @@ pub struct Reference {
     pub indirect: Vec<Vec3>,
     /// Standard error of the sum of both, \[K\].
     pub error: Vec<Vec3>,
+    /// Standard error of the direct part, \[K\].
+    pub direct_error: Vec<Vec3>,
+    /// Standard error of the indirect part, \[K\].
+    pub indirect_error: Vec<Vec3>,
 }
 
 impl Reference {
@@ -124,6 +128,8 @@ pub fn reference_irradiance(
         direct: averages.iter().map(|a| a.mean.direct).collect(),
         indirect: averages.iter().map(|a| a.mean.indirect).collect(),
         error: averages.iter().map(|a| a.error).collect(),
+        direct_error: averages.iter().map(|a| a.direct_error).collect(),
+        indirect_error: averages.iter().map(|a| a.indirect_error).collect(),
     })
 }
 
@@ -188,11 +194,13 @@ struct Plan {
     seed: u32,
 }
 
-/// A mean over batches, and its standard error.
+/// A mean over batches, and the standard errors of it, of its direct and of its indirect part.
 #[derive(Clone, Copy, Default)]
 struct Average {
     mean: Gathered,
     error: Vec3,
+    direct_error: Vec3,
+    indirect_error: Vec3,
 }
 
 impl Plan {
@@ -208,29 +216,48 @@ impl Plan {
 
     /// Average of an element's samples.
     fn average(&self, element: u32, sample: impl Fn(Draw) -> Gathered) -> Average {
-        let (mut direct, mut indirect, mut squares) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
-        let mut mean = Vec3::ZERO;
+        let [mut direct, mut indirect, mut total] = [Welford::default(); 3];
         for batch in 0..self.n_batches {
             let set = hash::mix([self.seed, element, batch]);
-            let (mut batch_direct, mut batch_indirect) = (Vec3::ZERO, Vec3::ZERO);
+            let mut sum = Gathered::default();
             for index in 0..self.per_batch {
                 let gathered = sample(Draw { index, n: self.per_batch, set });
-                batch_direct += gathered.direct;
-                batch_indirect += gathered.indirect;
+                sum.direct += gathered.direct;
+                sum.indirect += gathered.indirect;
             }
-            direct += batch_direct;
-            indirect += batch_indirect;
-
-            // Welford's running mean and squares: no cancellation where the noise is small.
-            let value = (batch_direct + batch_indirect) / self.per_batch as f32;
-            let step = value - mean;
-            mean += step / (batch + 1) as f32;
-            squares += step * (value - mean);
+            let per_sample = 1.0 / self.per_batch as f32;
+            direct.add(sum.direct * per_sample);
+            indirect.add(sum.indirect * per_sample);
+            total.add((sum.direct + sum.indirect) * per_sample);
         }
-        let n = (self.n_batches * self.per_batch) as f32;
-        let variance_of_mean = squares / (self.n_batches * (self.n_batches - 1)) as f32;
-        let error = variance_of_mean.max(Vec3::ZERO).map(f32::sqrt);
-        Average { mean: Gathered { direct: direct / n, indirect: indirect / n }, error }
+        Average {
+            mean: Gathered { direct: direct.mean, indirect: indirect.mean },
+            error: total.error(),
+            direct_error: direct.error(),
+            indirect_error: indirect.error(),
+        }
+    }
+}
+
+/// A running mean and squares: no cancellation where the noise is small.
+#[derive(Clone, Copy, Default)]
+struct Welford {
+    n: f32,
+    mean: Vec3,
+    squares: Vec3,
+}
+
+impl Welford {
+    fn add(&mut self, value: Vec3) {
+        self.n += 1.0;
+        let step = value - self.mean;
+        self.mean += step / self.n;
+        self.squares += step * (value - self.mean);
+    }
+
+    /// Standard error of the mean.
+    fn error(&self) -> Vec3 {
+        (self.squares / (self.n * (self.n - 1.0))).max(Vec3::ZERO).map(f32::sqrt)
     }
 }
 
