@@ -14,6 +14,7 @@ mod options;
 mod photon;
 mod portal;
 mod progress;
+mod rows;
 mod sampling;
 mod sky;
 mod spheres;

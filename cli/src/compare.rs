@@ -51,7 +51,9 @@ pub fn run(arguments: &args::Compare) -> Result<()> {
     if portals.is_empty()
         && let Some((name, _)) = candidates.iter().find(|(_, c)| !matches!(c, Candidate::Sky(_)))
     {
-        anyhow::bail!("--methods: {name} needs portals; name them with --portal, or let `lunette portals` find them");
+        anyhow::bail!(
+            "--methods: {name} needs portals; name them with --portal, or let `lunette portals` find them"
+        );
     }
     let mut lights = light::frames(&arguments.light, scene.mesh.bounds())?;
     ensure!(lights.len() == 1, "compare takes one light, not a day; give --light sky:azimuth,elevation");
@@ -87,9 +89,8 @@ pub fn run(arguments: &args::Compare) -> Result<()> {
             .map_err(|e| anyhow!("{e}"))?;
         lunette_render::write_png(&folder.join(format!("{name}-error.png")), &error)
             .map_err(|e| anyhow!("{e}"))?;
-        let difference =
-            lunette_render::difference(&picture.pixels, &truth.image.pixels, Some(&coverage))
-                .map_err(|e| anyhow!("{e}"))?;
+        let difference = lunette_render::difference(&picture.pixels, &truth.image.pixels, Some(&coverage))
+            .map_err(|e| anyhow!("{e}"))?;
         row.picture = Some((difference.relative, noise));
         if !row.is_judged() {
             say(&format!(
@@ -132,13 +133,16 @@ fn candidate(name: &str) -> Result<Candidate> {
         ("", _) => Ok(Candidate::Portal),
         ("-d2i", _) => Ok(Candidate::PortalDirectToIndirect),
         (_, Some(order)) => Ok(Candidate::PortalSh(order)),
-        _ => anyhow::bail!("there is no method '{name}'; with portals there are portal, portal-sh1 to portal-sh10, portal-d2i"),
+        _ => anyhow::bail!(
+            "there is no method '{name}'; with portals there are portal, portal-sh1 to portal-sh10, portal-d2i"
+        ),
     }
 }
 
 /// The engine by which a candidate's asset is lit.
 fn engine<'a>(asset: &'a Asset<'a>, candidate: Candidate) -> Result<Engine<'a>> {
-    let inside = |indirect: Option<&str>| args::Outside { indirect: indirect.map(String::from), ..Default::default() };
+    let inside =
+        |indirect: Option<&str>| args::Outside { indirect: indirect.map(String::from), ..Default::default() };
     match candidate {
         Candidate::Sky(method) => Engine::new(asset, Some(method), &inside(None)),
         Candidate::Portal => Engine::new(asset, None, &inside(None)),

@@ -1,13 +1,13 @@
 //! Methods held against the path-traced reference, in the middles of triangles: what is between the vertices counts,
 //! and no point lies in a crease, where the truth is a matter of opinion.
 
-use std::fmt::Write as _;
 use anyhow::{Result, anyhow, ensure};
 use glam::Vec3;
 use lunette_relight::asset::Asset;
 use lunette_relight::light::Light;
 use lunette_render::{Difference, Reference, ReferenceOptions, Tracer};
 use lunette_scenes::{Mesh, Portal, Scene};
+use std::fmt::Write as _;
 
 use crate::engine::Engine;
 use crate::{relight, render};
@@ -102,9 +102,8 @@ impl Judge {
         let reference = render::at(tracer, light, &position, &normal, options)?;
         let total = reference.total();
         // A part's noise is held against all light, as its difference is: see `measure`.
-        let noise = |error: &[Vec3]| {
-            lunette_render::noise(error, &total, Some(&area)).map_err(|e| anyhow!("{e}"))
-        };
+        let noise =
+            |error: &[Vec3]| lunette_render::noise(error, &total, Some(&area)).map_err(|e| anyhow!("{e}"));
         let noise = Parts {
             total: noise(&reference.error)?,
             direct: noise(&reference.direct_error)?,
@@ -144,7 +143,8 @@ impl Judge {
 
 /// Share of light that a part of it has, over area; never 0.
 fn share(part: &[Vec3], total: &[Vec3], area: &[f32]) -> f64 {
-    let sum = |light: &[Vec3]| light.iter().zip(area).map(|(l, a)| f64::from(l.element_sum() * a)).sum::<f64>();
+    let sum =
+        |light: &[Vec3]| light.iter().zip(area).map(|(l, a)| f64::from(l.element_sum() * a)).sum::<f64>();
     (sum(part) / sum(total)).max(f64::MIN_POSITIVE)
 }
 
@@ -200,7 +200,8 @@ pub fn table(rows: &[Row], judge: &Judge) -> String {
     for r in rows {
         let (d, p) = (r.percent(), 100.0 * r.percentile_99);
         let [direct, indirect] =
-            [(r.relative.direct, r.noise.direct), (r.relative.indirect, r.noise.indirect)].map(|(r, n)| percent(r, n));
+            [(r.relative.direct, r.noise.direct), (r.relative.indirect, r.noise.indirect)]
+                .map(|(r, n)| percent(r, n));
         let picture = r.picture.map_or("-".into(), |(r, n)| format!("{} %", percent(r, n)));
         let bytes = format!("{:.0} + {:.0}", r.bytes.0, r.bytes.1);
         let _ = writeln!(

@@ -281,10 +281,9 @@ impl<'a> Frame<'a> {
         let direct = match self.method {
             Method::Bent | Method::Aperture(_) => 8.0,
             Method::Sh { order, .. } => 2.0 * self.direct.n.min(order.saturating_mul(order)) as f32,
-            Method::Haar => self
-                .sparse
-                .as_ref()
-                .map_or(0.0, |s| s.rows.bytes() as f32 / s.rows.n_rows().max(1) as f32),
+            Method::Haar => {
+                self.sparse.as_ref().map_or(0.0, |s| s.rows.bytes() as f32 / s.rows.n_rows().max(1) as f32)
+            }
         };
         let bounced = match (self.carried, &self.carrier) {
             (Indirect::Sh, _) => 6 * self.indirect.n,

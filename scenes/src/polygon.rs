@@ -27,12 +27,20 @@ pub(crate) fn triangulate(corner: &[Vec3], out: &mut Vec<[usize; 3]>) {
     }
     let flat = flatten(corner);
     let all: Vec<usize> = (0..corner.len()).collect();
-    let convex = all.iter().all(|&i| turn(&flat, &all, i) > STRAIGHT);
-    if convex || corner.len() > MAX_EAR_CORNERS {
+    if turns_one_way(&flat, &all) || corner.len() > MAX_EAR_CORNERS {
         fan(&all, out);
     } else {
         clip_ears(&flat, all, out);
     }
+}
+
+/// Whether every corner turns the same way.
+pub(crate) fn is_convex(corner: &[Vec3]) -> bool {
+    corner.len() == 3 || turns_one_way(&flatten(corner), &(0..corner.len()).collect::<Vec<_>>())
+}
+
+fn turns_one_way(flat: &[DVec2], ring: &[usize]) -> bool {
+    (0..ring.len()).all(|i| turn(flat, ring, i) > STRAIGHT)
 }
 
 /// The polygon seen against its mean normal, counter-clockwise, shrunk to unit size.

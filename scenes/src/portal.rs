@@ -101,6 +101,21 @@ impl Portal {
         merge::polygons(&self.triangles)
     }
 
+    /// As [`Portal::polygons`], those that are not convex cut into triangles.
+    pub fn convex_polygons(&self) -> Vec<Vec<Vec3>> {
+        let mut cut = Vec::new();
+        let mut list = Vec::new();
+        for polygon in self.polygons() {
+            if polygon::is_convex(&polygon) {
+                list.push(polygon);
+                continue;
+            }
+            polygon::triangulate(&polygon, &mut cut);
+            list.extend(cut.iter().map(|t| t.map(|i| polygon[i]).to_vec()));
+        }
+        list
+    }
+
     /// The edges of its polygons, for drawing.
     pub fn outline(&self) -> Vec<[Vec3; 2]> {
         let polygons = self.polygons();

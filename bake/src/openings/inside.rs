@@ -28,7 +28,7 @@ pub fn inside(scene: &Scene, portals: &[Portal]) -> Result<Vec<bool>, Error> {
             let (rays, _) = packet(surface.origin[v], &frame, local);
             let mut shadow = rays;
             surface.tree.occluded_packet(&ffi::Mask::all(), &mut shadow);
-            let passes = gates.any(&rays);
+            let passes = gates.any(&ffi::Mask::all(), &rays);
             (0..LANES).all(|lane| shadow.is_occluded(lane) || passes[lane])
         })
     };

@@ -11,7 +11,12 @@ use crate::Error;
 pub struct Gates {
     tree: ffi::Scene,
     portal_of: Vec<u32>,
+    lie_in_one_plane: bool,
 }
+
+/// Triangles whose unit normals differ by less than this, and whose distances from a plane are less than this share of
+/// their distance from its point, lie in it.
+const SAME_PLANE: f32 = 1e-4;
 
 impl Gates {
     /// Builds the tree.
@@ -26,7 +31,17 @@ impl Gates {
             (0..corners.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         builder.add_triangles(&corners, &index)?;
         let owner = |(k, p): (usize, &Portal)| std::iter::repeat_n(k as u32, p.triangles.len());
-        Ok(Gates { tree: builder.commit()?, portal_of: portals.iter().enumerate().flat_map(owner).collect() })
+        let triangles: Vec<[Vec3; 3]> = portals.iter().flat_map(|p| p.triangles.iter().copied()).collect();
+        Ok(Gates {
+            tree: builder.commit()?,
+            portal_of: portals.iter().enumerate().flat_map(owner).collect(),
+            lie_in_one_plane: lie_in_one_plane(&triangles),
+        })
+    }
+
+    /// Whether no ray can pass two of the triangles.
+    pub fn lie_in_one_plane(&self) -> bool {
+        self.lie_in_one_plane
     }
 
     /// The first portal that a ray passes.
@@ -41,20 +56,20 @@ impl Gates {
         Some(self.portal_of[self.tree.intersect(&ray)?.primitive as usize])
     }
 
-    /// For each ray of a packet whether it passes any portal.
-    pub fn any(&self, rays: &ffi::Packet<16>) -> [bool; 16] {
+    /// For each ray of a packet whether it passes a portal before its end; not for lanes that are off.
+    pub fn any(&self, mask: &ffi::Mask<16>, rays: &ffi::Packet<16>) -> [bool; 16] {
         let mut rays = *rays;
-        self.tree.occluded_packet(&ffi::Mask::all(), &mut rays);
-        std::array::from_fn(|lane| rays.is_occluded(lane))
+        self.tree.occluded_packet(mask, &mut rays);
+        std::array::from_fn(|lane| mask.is_on(lane) && rays.is_occluded(lane))
     }
+}
 
-    /// For each ray of a packet whether the first portal it passes is `portal`.
-    pub fn pass(&self, portal: u32, rays: &ffi::Packet<16>) -> [bool; 16] {
-        let mut rays = *rays;
-        let mut hits = ffi::Hits::<16>::default();
-        self.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
-        std::array::from_fn(|lane| {
-            hits.geometry[lane] != ffi::NO_HIT && self.portal_of[hits.primitive[lane] as usize] == portal
-        })
-    }
+fn lie_in_one_plane(triangles: &[[Vec3; 3]]) -> bool {
+    let normal = |[a, b, c]: &[Vec3; 3]| (*b - *a).cross(*c - *a).normalize_or_zero();
+    let Some(first) = triangles.first() else { return true };
+    let (point, up) = (first[0], normal(first));
+    triangles.iter().all(|t| {
+        normal(t).dot(up).abs() > 1.0 - SAME_PLANE
+            && t.iter().all(|p| (*p - point).dot(up).abs() <= SAME_PLANE * (*p - point).length())
+    })
 }

@@ -9,16 +9,14 @@
 //!
 //! Based on: Y. Yue et al., Interactive Rendering of Interior Scenes with Dynamic Environment Illumination, 2009.
 
-mod direct;
-mod footprint;
 mod gate;
 mod orient;
 
 use std::borrow::Cow;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::AtomicU64;
 
 use lunette_relight::asset::{Asset, Data, Shell};
-use lunette_relight::cubemap::RESOLUTIONS;
+use lunette_relight::cubemap::{RESOLUTIONS, ShTable};
 use lunette_relight::sparse::{self, Encoder, Encoding, RowStore};
 use lunette_scenes::{Portal, Scene};
 use rayon::prelude::*;
@@ -28,9 +26,9 @@ use crate::energy::{self, BandEnergy};
 use crate::fill::{self, Donors};
 use crate::gather::{Arriving, Pass, bounced, buried};
 use crate::photon::{self, Emission};
+use crate::rows::{Aim, Opening, Row};
 use crate::sampling::{HemisphereSets, hash};
 use crate::{Error, Options, Progress, Surface, mesh_asset};
-use direct::{Aim, Row};
 pub use gate::Gates;
 pub(crate) use orient::inwards;
 
@@ -187,15 +185,19 @@ impl Work<'_> {
         let n = self.portal_options.resolution;
         let n_vertices = self.scene.mesh.position.len();
         let order = if self.options.bounces > 0 { self.options.indirect_order } else { 0 };
-        let mut aim = Aim::new(self.surface, self.gates, self.portals, k, n);
-        aim.rays = self.options.rays;
-        aim.order = order;
-        aim.seed = hash(self.options.seed, 0xd1 + k as u64);
+        let polygons = self.portals[k].convex_polygons();
+        let aim = Aim {
+            surface: self.surface,
+            opening: Opening::Portal { gates: self.gates, polygons },
+            n,
+            rays: self.options.rays,
+            seed: hash(self.options.seed, 0xd1 + k as u64),
+        };
+        let table = ShTable::new(n, order.max(1));
         let source = self.donors.sources(n_vertices);
         let mut direct_sh = vec![0.0; n_vertices * order * order];
         let mut store = RowStore::default();
         let mut worst = 0.0f32;
-        let by_area = AtomicU64::new(0);
         let width = (order * order).max(1);
         for first in (0..n_vertices).step_by(BLOCK) {
             if self.progress.cancelled() {
@@ -205,11 +207,12 @@ impl Work<'_> {
             let encoded: Vec<(sparse::Row, Vec<f32>)> = block
                 .par_iter()
                 .map_init(
-                    || (Row::new(n, order), Encoder::new(n, Encoding::default())),
+                    || (Row::new(n), Encoder::new(n, Encoding::default())),
                     |(row, encoder), &v| {
                         aim.row(v, source[v], row);
-                        by_area.fetch_add(u64::from(row.by_area), Ordering::Relaxed);
-                        (encoder.encode(&row.dense), row.sh.clone())
+                        let mut sh = vec![0.0; order * order];
+                        table.transfer(row.lit(), &mut sh);
+                        (encoder.encode(&row.dense), sh)
                     },
                 )
                 .collect();
@@ -224,13 +227,12 @@ impl Work<'_> {
             self.progress.report(&stage, (first + block.len()) as u64, n_vertices as u64);
         }
         report.lines.push(format!(
-            "portal {}: {:.2} m², {} bytes of direct light per vertex ({} % of rows in Haar wavelets), at most {:.1} % of a row lost; area sampling at {} % of the vertices",
+            "portal {}: {:.2} m², {} bytes of direct light per vertex ({} % of rows in Haar wavelets), at most {:.1} % of a row lost",
             self.portals[k].name,
             self.portals[k].area(),
             store.bytes() / n_vertices,
             100 * store.n_haar() / n_vertices,
-            100.0 * worst,
-            100 * by_area.into_inner() as usize / n_vertices
+            100.0 * worst
         ));
         let prefix = format!("portal.{k}.direct");
         store.insert_into(asset, &prefix, n).map_err(|e| Error::TooLarge(e.to_string()))?;

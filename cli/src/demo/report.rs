@@ -67,7 +67,10 @@ fn table(page: &mut String, tried: &Tried) {
         let _ = writeln!(
             page,
             "<tr><td>{}<td>{d} %<td>{p:.1} %<td>{:.0}<td>{:.1}<td>{:.2}</tr>",
-            r.name, r.bytes.0 + r.bytes.1, r.bake_seconds, r.relight_milliseconds
+            r.name,
+            r.bytes.0 + r.bytes.1,
+            r.bake_seconds,
+            r.relight_milliseconds
         );
     }
     let _ = writeln!(
