@@ -1,45 +1,65 @@
 //! Direct-to-indirect transport: bounced light as a function of the direct light, whatever shines.
 //!
 //! The mesh is cut into P patches. With R the light that leaves a patch of itself (albedo times direct
-//! irradiance, mean over the patch) and F\[v,p\] the share of the cosine-weighted hemisphere of v that patch p fills,
+//! irradiance, mean over the patch), F\[v,p\] the share of the cosine-weighted hemisphere of v that patch p fills, and
+//! F̄ the mean of F over the vertices of a patch, the light that leaves a patch in all is
 //!
-//! E_indirect(v) = Σ_p F\[v,p\] (R + ρ F̄ R + (ρ F̄)² R + ...)\[p\],
+//! B = R + ρ F̄ B,   and   E_indirect(v) = Σ_p F\[v,p\] B\[p\].
 //!
-//! F̄ being the mean of F over the vertices of a patch. Rows of F look alike, so that they are kept in a basis Q of k
-//! vectors (the dominant right singular vectors of F̄): `gather`\[v\] = F\[v\] Q, and all bounces go into
-//! `spread` = Qᵀ (I + ρ F̄ + ...). A frame sums R over patches, multiplies by `spread` once, and takes k products per
-//! vertex. A sun an inch wide costs what an overcast sky costs, and is carried as well.
+//! Rows of F look alike, but for what is near: the few patches that fill most of a vertex's view are kept as they are
+//! (*near*), and the rest G = F - near in a basis Q of k vectors, the dominant right singular vectors of Ḡ: `gather` =
+//! G Q. All bounces go into `spread` = Qᵀ (I + ρ F̄ + ...), so that a frame sums R over patches, multiplies by
+//! `spread` once for the coefficients z = Qᵀ B, finds B at the patches, which have rows of their own, and takes k
+//! products and the near ones per vertex. A sun an inch wide costs what an overcast sky costs, and is carried as well.
 //!
-//! Where it breaks: detail of bounced light finer than a patch (the red wall's glow in the first hand's breadth of
-//! the floor: vertices there take the light of their neighbours farther out), and backs of one-sided surfaces, which give nothing back.
+//! Where it breaks: detail of bounced light finer than a patch, which shows beside the edge of a sunlit spot; and backs
+//! of one-sided surfaces, which give nothing back.
 //!
 //! Based on: M. Hašan, F. Pellacini, K. Bala, Direct-to-Indirect Transfer for Cinematic Relighting, 2006; N. Halko,
 //! P. Martinsson, J. Tropp, Finding Structure with Randomness, 2011 (subspace iteration).
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use glam::Vec3;
 use lunette_ffi as ffi;
+use lunette_relight::asset::NO_PATCH;
+use lunette_relight::indirect::N_NEAR;
 use lunette_scenes::Scene;
 use rayon::prelude::*;
 
 use crate::fill;
 use crate::gather::{Pass, lane_of, packet, vertices};
 use crate::sampling::{HemisphereSets, LANES, hash};
+use crate::smooth::Smoother;
 use crate::{Error, Progress, Surface};
 
-/// What is stored.
+/// What is stored; rows are those of the vertices and then those of the patches.
 pub struct Carrier {
     /// Patch of each vertex, \[V\].
     pub patch: Vec<u16>,
     /// Direct reflected light of patches to basis, all bounces, \[P, k, 3\].
     pub spread: Vec<f32>,
-    /// Basis to vertices, \[V, k\].
+    /// Basis to rows, \[V + P, k\].
     pub gather: Vec<f32>,
+    /// The patches that fill most of a row's view, and their shares, \[V + P, [`N_NEAR`]\]; a share of 0 is none.
+    pub near_patch: Vec<u16>,
+    pub near_share: Vec<f32>,
     /// P.
     pub n_patches: usize,
     /// k.
     pub rank: usize,
+}
+
+/// Where vertices lie that are not like the others.
+pub struct Lie<'a> {
+    /// Inside other geometry, ascending.
+    pub buried: &'a [usize],
+    /// Outside, where no light is worth computing.
+    pub unlit: &'a [bool],
+    /// Direct irradiance under a uniform light of radiance 1.
+    pub uniform: &'a [f32],
+    /// Of noise in far rows.
+    pub smoother: &'a Smoother,
 }
 
 /// How fine.
@@ -60,9 +80,8 @@ pub struct CarrierOptions {
 /// Rays per vertex for the patch-to-patch shares; each patch averages over its vertices.
 const PATCH_RAYS: usize = 64;
 
-/// A vertex of whose view one patch fills more than this lies in a corner: its row is not smooth, and what is left of it in
-/// the basis rings.
-const LARGEST_SHARE: f32 = 0.1;
+/// A patch that fills less of a view than this is not near: the basis holds it well enough.
+const LEAST_NEAR: f32 = 0.004;
 
 /// Subspace iterations: singular values of form factors fall fast, two leave no more than sampling noise.
 const POWER_ITERATIONS: usize = 2;
@@ -76,14 +95,14 @@ pub fn carrier(
     scene: &Scene,
     surface: &Surface,
     options: &CarrierOptions,
-    buried: &[usize],
+    lie: &Lie,
     progress: &dyn Progress,
 ) -> Result<Carrier, Error> {
     let n_vertices = scene.mesh.position.len();
     let area = scene.mesh.vertex_area();
     let albedo = scene.vertex_albedo();
-    let patch = cut(scene, &area, options.patches.min(n_vertices.div_ceil(4)).max(1));
-    let n_patches = patch.iter().max().map_or(0, |&p| p as usize + 1);
+    let patch = cut(scene, &area, lie.unlit, options.patches.min(n_vertices.div_ceil(4)).max(1));
+    let n_patches = patch.iter().filter(|p| **p != NO_PATCH).max().map_or(1, |&p| p as usize + 1);
     let rank = options.rank.min(n_patches);
     let rho = mean_albedo(&patch, n_patches, &area, &albedo);
 
@@ -93,47 +112,113 @@ pub fn carrier(
     let pass =
         Pass { surface, sets: &sets, order: 0, seed: options.seed, stage: "patches", total, done: &done };
     let shares = patch_shares(&pass, &patch, n_patches, &area, progress)?;
-    let basis = dominant(&shares, n_patches, rank, options.seed);
+    let bright = brightness(&shares, &patch, &area, lie.uniform, &rho);
+    let mut far = shares.clone();
+    let patches_near: Vec<Near> = far.par_chunks_mut(n_patches).map(take_near).collect();
+    far.chunks_exact_mut(n_patches).for_each(|row| row.iter_mut().zip(&bright).for_each(|(f, b)| *f *= b));
+    let mut basis = dominant(&far, n_patches, rank, options.seed);
+    let mut patch_gather = multiply(&far, Transposed::No, &basis, n_patches, n_patches, rank);
+    // From here on the basis takes shares as they are: D Q.
+    basis.chunks_exact_mut(rank).zip(&bright).for_each(|(row, b)| row.iter_mut().for_each(|q| *q *= b));
 
     let sets = HemisphereSets::new(options.rays, hash(options.seed, 0xf1));
     let pass = Pass { sets: &sets, stage: "direct to indirect", ..pass };
-    let mut gather = vec![0.0; n_vertices * rank];
-    let near: Vec<AtomicBool> = (0..n_vertices).map(|_| AtomicBool::new(false)).collect();
-    vertices(&pass, rank, &mut gather, progress, |v, row| {
+    // A row is its products with the basis, then its near shares, then their patches.
+    let width = rank + 2 * N_NEAR;
+    let mut rows = vec![0.0; n_vertices * width];
+    vertices(&pass, width, &mut rows, progress, |v, row| {
         row.fill(0.0);
+        if lie.unlit[v] {
+            return;
+        }
         let mut shares = vec![0.0f32; n_patches];
-        for_each_patch_hit(&pass, &patch, v, |p, share| {
-            shares[p] += share;
-            for (out, q) in row.iter_mut().zip(&basis[p * rank..][..rank]) {
-                *out += share * q;
-            }
-        });
-        let largest = shares.iter().copied().fold(0.0, f32::max);
-        near[v].store(largest > LARGEST_SHARE, Ordering::Relaxed);
+        for_each_patch_hit(&pass, &patch, v, |p, share| shares[p] += share);
+        let near = take_near(&mut shares);
+        for (p, share) in shares.iter().enumerate().filter(|(_, s)| **s != 0.0) {
+            row.iter_mut().zip(&basis[p * rank..][..rank]).for_each(|(out, q)| *out += share * q);
+        }
+        for (i, (p, share)) in near.into_iter().enumerate() {
+            (row[rank + i], row[rank + N_NEAR + i]) = (share, f32::from(p));
+        }
     })?;
-    // What the basis cannot hold takes its neighbours' rows, as buried vertices do.
-    let odd =
-        (0..n_vertices).filter(|&v| near[v].load(Ordering::Relaxed) || buried.binary_search(&v).is_ok());
-    fill::donors(&scene.mesh, &odd.collect::<Vec<_>>()).fill(&mut gather, rank);
+    // What lies in other geometry takes the row of a neighbour.
+    let donors = fill::donors(&scene.mesh, lie.buried).sources(n_vertices);
+    let row = |v: usize| &rows[donors[v] * width..][..width];
+    let mut gather: Vec<f32> = (0..n_vertices).flat_map(|v| row(v)[..rank].iter().copied()).collect();
+    lie.smoother.apply(&mut gather, rank);
+    let mut near_share: Vec<f32> = (0..n_vertices).flat_map(|v| row(v)[rank..][..N_NEAR].iter().copied()).collect();
+    let mut near_patch: Vec<u16> =
+        (0..n_vertices).flat_map(|v| row(v)[rank + N_NEAR..].iter().map(|p| *p as u16)).collect();
+    gather.append(&mut patch_gather);
+    near_patch.extend(patches_near.iter().flatten().map(|n| n.0));
+    near_share.extend(patches_near.iter().flatten().map(|n| n.1));
+    // And light leaving patches is measured against the expected: D⁻¹ Q.
+    basis.chunks_exact_mut(rank).zip(&bright).for_each(|(row, b)| row.iter_mut().for_each(|q| *q /= b * b));
     let spread = spread(&shares, &basis, &rho, n_patches, rank, options.bounces);
-    Ok(Carrier { patch, spread, gather, n_patches, rank })
+    Ok(Carrier { patch, spread, gather, near_patch, near_share, n_patches, rank })
+}
+
+/// Darkest that a patch is expected to be, as a share of the mean.
+const DARKEST: f32 = 0.2;
+
+/// How often light is bounced for [`brightness`].
+const BRIGHTNESS_BOUNCES: usize = 4;
+
+/// D: how much light is expected to leave each patch, that under a uniform sky.
+fn brightness(shares: &[f32], patch: &[u16], area: &[f32], uniform: &[f32], rho: &[Vec3]) -> Vec<f32> {
+    let n = rho.len();
+    let mut sums = vec![(0.0f32, 0.0f32); n];
+    for ((&p, a), e) in patch.iter().zip(area).zip(uniform) {
+        if let Some(sum) = sums.get_mut(usize::from(p)) {
+            *sum = (sum.0 + a * e, sum.1 + a);
+        }
+    }
+    let grey = |p: usize| rho[p].element_sum() / 3.0;
+    let straight: Vec<f32> =
+        sums.iter().enumerate().map(|(p, (e, a))| grey(p) * e / a.max(f32::MIN_POSITIVE)).collect();
+    let mut leaving = straight.clone();
+    for _ in 0..BRIGHTNESS_BOUNCES {
+        let arriving = multiply(shares, Transposed::No, &leaving, n, n, 1);
+        for (p, b) in leaving.iter_mut().enumerate() {
+            *b = straight[p] + grey(p) * arriving[p];
+        }
+    }
+    let mean = leaving.iter().sum::<f32>() / n as f32;
+    let least = if mean > 0.0 { DARKEST * mean } else { 1.0 };
+    leaving.into_iter().map(|b| b.max(least)).collect()
+}
+
+/// Patches and shares, the largest first; what is not needed has share 0.
+type Near = [(u16, f32); N_NEAR];
+
+/// Takes the largest shares out of a row.
+fn take_near(row: &mut [f32]) -> Near {
+    let mut large: Vec<(u16, f32)> =
+        (0..row.len()).filter(|&p| row[p] >= LEAST_NEAR).map(|p| (p as u16, row[p])).collect();
+    large.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    let mut near = [(0, 0.0); N_NEAR];
+    for (out, entry) in near.iter_mut().zip(large) {
+        *out = entry;
+        row[usize::from(entry.0)] = 0.0;
+    }
+    near
 }
 
 /// Cuts the vertices into at most `most` patches, halving the heaviest along its widest extent in space and normal.
-fn cut(scene: &Scene, area: &[f32], most: usize) -> Vec<u16> {
+fn cut(scene: &Scene, area: &[f32], unlit: &[bool], most: usize) -> Vec<u16> {
     let (low, high) = scene.mesh.bounds();
     let weight = NORMAL_WEIGHT * (high - low).length();
     let key = |v: usize| {
         let (p, n) = (scene.mesh.position[v], scene.mesh.normal[v] * weight);
         [p.x, p.y, p.z, n.x, n.y, n.z]
     };
-    let all: Vec<usize> = (0..area.len()).collect();
+    let all: Vec<usize> = (0..area.len()).filter(|&v| !unlit[v]).collect();
     let weigh = |list: &[usize]| list.iter().map(|&v| f64::from(area[v])).sum::<f64>();
     // The heaviest patch first; the number breaks ties, so that the order is the same everywhere.
     let mut heap = std::collections::BTreeMap::from([((weigh(&all).to_bits(), 0usize), all)]);
     let mut finished: Vec<Vec<usize>> = Vec::new();
     let mut next = 1;
-    while heap.len() + finished.len() < most {
+    while heap.len() + finished.len() < most.min(usize::from(NO_PATCH)) {
         let Some((_, mut list)) = heap.pop_last() else { break };
         let extent = |axis: usize| {
             let values = list.iter().map(|&v| key(v)[axis]);
@@ -153,7 +238,7 @@ fn cut(scene: &Scene, area: &[f32], most: usize) -> Vec<u16> {
             next += 1;
         }
     }
-    let mut patch = vec![0u16; area.len()];
+    let mut patch = vec![NO_PATCH; area.len()];
     for (p, list) in finished.iter().chain(heap.values()).enumerate() {
         list.iter().for_each(|&v| patch[v] = p as u16);
     }
@@ -174,8 +259,9 @@ fn middle(list: &[usize], area: &[f32]) -> usize {
 fn mean_albedo(patch: &[u16], n_patches: usize, area: &[f32], albedo: &[Vec3]) -> Vec<Vec3> {
     let mut sums = vec![(Vec3::ZERO, 0.0f32); n_patches];
     for ((&p, &a), &rho) in patch.iter().zip(area).zip(albedo) {
-        let sum = &mut sums[p as usize];
-        *sum = (sum.0 + a * rho, sum.1 + a);
+        if let Some(sum) = sums.get_mut(usize::from(p)) {
+            *sum = (sum.0 + a * rho, sum.1 + a);
+        }
     }
     sums.into_iter().map(|(rho, a)| if a > 0.0 { rho / a } else { Vec3::ZERO }).collect()
 }
@@ -193,7 +279,10 @@ fn for_each_patch_hit(pass: &Pass, patch: &[u16], v: usize, mut add: impl FnMut(
                 let corners = pass.surface.mesh.index[hit.primitive as usize];
                 let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
                 let nearest = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
-                add(patch[corners[nearest] as usize] as usize, 2.0 * z / pass.sets.n_rays() as f32);
+                let p = patch[corners[nearest] as usize];
+                if p != NO_PATCH {
+                    add(usize::from(p), 2.0 * z / pass.sets.n_rays() as f32);
+                }
             }
         }
     }
@@ -209,7 +298,9 @@ fn patch_shares(
 ) -> Result<Vec<f32>, Error> {
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); n_patches];
     for (v, &p) in patch.iter().enumerate() {
-        members[p as usize].push(v);
+        if let Some(list) = members.get_mut(usize::from(p)) {
+            list.push(v);
+        }
     }
     let mut shares = vec![0.0; n_patches * n_patches];
     shares.par_chunks_mut(n_patches).zip(&members).try_for_each(|(row, members)| {

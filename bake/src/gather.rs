@@ -82,8 +82,10 @@ pub struct Arriving<'a> {
     pub before_last: &'a [f32],
     /// What the many rays of [`direct`] found, for the ratio estimate.
     pub many: Option<Many<'a>>,
-    /// Whether a path that escapes from a point in a direction brings light: always under the open sky.
-    pub escapes: &'a (dyn Fn(Vec3, Vec3) -> bool + Sync),
+    /// Whether a path that escapes from a point of a triangle in a direction brings light: always under the open sky.
+    pub escapes: &'a (dyn Fn(u32, Vec3, Vec3) -> bool + Sync),
+    /// Vertices to leave dark; empty for none.
+    pub unlit: &'a [bool],
 }
 
 /// Visibility of all vertices; `rows` is \[V, [`direct_width`]\].
@@ -112,6 +114,9 @@ pub fn bounced(
 ) -> Result<(), Error> {
     vertices(pass, 3 * pass.order * pass.order, rows, progress, |v, row| {
         row.fill(0.0);
+        if arriving.unlit.get(v) == Some(&true) {
+            return;
+        }
         let mut covered = bounce(pass, arriving, pass.sets, v, row);
         let Some(many) = &arriving.many else { return };
         let truly_covered = (1.0 - many.ao[v]).max(0.0);
@@ -274,7 +279,7 @@ fn follow(pass: &Pass, arriving: &Arriving, mut path: Path, indirect: &mut [f32]
         match surface.tree.intersect(&ffi::Ray::new(at.into(), d.into())) {
             Some(hit) => path = Path { origin: at, d, hit, ..path },
             None => {
-                if (arriving.escapes)(at, d) {
+                if (arriving.escapes)(triangle, at, d) {
                     add_sky(d, path.weight, indirect);
                 }
                 return;

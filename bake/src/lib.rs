@@ -17,6 +17,7 @@ mod progress;
 mod rows;
 mod sampling;
 mod sky;
+mod smooth;
 mod spheres;
 mod surface;
 

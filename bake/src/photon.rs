@@ -1,8 +1,8 @@
 //! Photons through a portal, each carrying its response to all SH basis functions at once.
 //!
 //! A photon starts at a point of the portal, uniform over its area A, in a direction cosine-weighted about its
-//! normal. The light that it stands for came from the opposite direction ω; where the ray back along ω is not clear
-//! of the exterior, it is none. Its flux under the shell radiance yᵢ is π A yᵢ(ω) / N for each i, so that one trace
+//! normal. The light that it stands for came from the opposite direction ω, or, where an outer surface is there, from
+//! where a path goes on from that. Its flux under the shell radiance yᵢ is π A yᵢ(ω) / N for each i, so that one trace
 //! serves every coefficient, and only yᵢ(ω) travels along. At each hit on the front of a triangle the flux goes to
 //! the corners by their barycentric weights; divided by a corner's share of area, that is the irradiance there.
 //!
@@ -101,15 +101,10 @@ fn photon(emission: &Emission, sampler: &PortalSampler, j: u64) -> Vec<Arrival> 
     let h = hash(emission.seed ^ 0xf0 ^ u64::from(emission.k) << 32, j);
     let (point, normal) = sampler.point(h);
     let mut d = Frame::around(normal, 0.0).to_world(cosine_hemisphere(fractions(hash(h, 1))));
-    let omega = -d;
     let mut arrivals = Vec::new();
-    // From outside to the portal nothing may stand in the way, and no portal may come after it.
-    let back = ffi::Ray::new((point + surface.lift * omega).into(), omega.into());
-    if surface.tree.occluded(&back) {
-        return arrivals;
-    }
+    let Some((omega, share)) = backwards(emission, point, -d, hash(h, 0x6a)) else { return arrivals };
     let mut origin = point + surface.lift * d;
-    let mut throughput = Vec3::splat(PI * sampler.area);
+    let mut throughput = PI * sampler.area * share;
     for step in 0..emission.hits {
         let Some(hit) = surface.tree.intersect(&ffi::Ray::new(origin.into(), d.into())) else { break };
         if step == 0 && emission.gates.first_before(origin, d, hit.t).is_some() {
@@ -130,6 +125,27 @@ fn photon(emission: &Emission, sampler: &PortalSampler, j: u64) -> Vec<Arrival> 
         d = Frame::around(ng, 0.0).to_world(cosine_hemisphere(fractions(hash(h, 2 + step as u64))));
     }
     arrivals
+}
+
+/// Where the light came from that arrives at a portal's point against `d`: straight from outside, or by way of outer
+/// surfaces, which take their share. None where it is lost, or came through a portal, whose light it then is.
+fn backwards(emission: &Emission, point: Vec3, d: Vec3, h: u64) -> Option<(Vec3, Vec3)> {
+    let surface = emission.surface;
+    let (mut origin, mut d, mut share) = (point + surface.lift * d, d, Vec3::ONE);
+    for step in 0..=emission.hits {
+        let hit = surface.tree.intersect(&ffi::Ray::new(origin.into(), d.into()));
+        let way = hit.map_or(f32::INFINITY, |hit| hit.t);
+        if step > 0 && emission.gates.first_before(origin, d, way).is_some() {
+            return None;
+        }
+        let Some(hit) = hit else { return Some((d, share)) };
+        share *= surface.albedo[hit.primitive as usize];
+        let ng = Vec3::from(hit.normal).normalize_or_zero();
+        let ng = if d.dot(ng) < 0.0 { ng } else { -ng };
+        origin = origin + d * hit.t + ng * surface.lift;
+        d = Frame::around(ng, 0.0).to_world(cosine_hemisphere(fractions(hash(h, step as u64))));
+    }
+    None
 }
 
 /// Points of a portal, uniform over its area.

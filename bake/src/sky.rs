@@ -93,7 +93,8 @@ impl<'a> Work<'a> {
                 last: &last,
                 before_last: &before_last,
                 many: Some(Many { sets: &many, ao: &ao }),
-                escapes: &|_, _| true,
+                escapes: &|_, _, _| true,
+                unlit: &[],
             };
             bounced(&self.pass(&format!("bounce {b}"), m, b, &sets), &light, &mut rows, self.progress)?;
             donors.fill(&mut rows, width);

@@ -287,7 +287,7 @@ impl<'a> Frame<'a> {
         };
         let bounced = match (self.carried, &self.carrier) {
             (Indirect::Sh, _) => 6 * self.indirect.n,
-            (Indirect::DirectToIndirect, Some(carrier)) => 2 * carrier.rank() + 2,
+            (Indirect::DirectToIndirect, Some(carrier)) => carrier.bytes_per_vertex(),
             _ => 0,
         };
         (direct, bounced as f32)

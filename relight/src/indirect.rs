@@ -8,8 +8,15 @@
 //! E(v) += Σ_j gather[v, j] z[j]
 //! ```
 //!
-//! `spread` holds all bounces and their colours, `gather` what a vertex sees of the patches: E is irradiance without
-//! the receiver's albedo, in the unit of the light. A vertex's area is a third of its triangles'.
+//! and, with the light B that leaves each patch, what comes from the few patches that fill most of a row's view,
+//!
+//! ```text
+//! B[p]  = R[p] + ρ[p] (Σ_j gather[V + p, j] z[j] + Σ_n share[V + p, n] B[patch[V + p, n]])     solved by iteration
+//! E(v) += Σ_n share[v, n] B[patch[v, n]]
+//! ```
+//!
+//! `spread` holds all bounces and their colours, `gather` what a vertex sees of the patches, but for the near ones: E is
+//! irradiance without the receiver's albedo, in the unit of the light. A vertex's area is a third of its triangles'.
 //!
 //! Where it breaks: the pattern of direct light within a patch is lost to what it bounces on to, so that a patch with
 //! a narrow beam on its edge glows as a whole.
@@ -72,6 +79,12 @@ enum Kind {
 /// A disc narrower than this, radians, is a sun: SH of order 4 holds features of about π / 4.
 const WIDEST_SUN: f32 = 0.4;
 
+/// Patches of a row that are kept one by one.
+pub const N_NEAR: usize = 12;
+
+/// Steps by which B is found: a near patch gives back at most its albedo, mostly much less.
+const STEPS: usize = 8;
+
 /// Vertices whose sums lie on the stack at a time.
 const BLOCK: usize = 128;
 
@@ -84,8 +97,16 @@ pub struct Carrier<'a> {
     spread: &'a [[f32; 3]],
     gather: &'a [f16],
     scale: f32,
+    near_patch: &'a [u16],
+    near_share: &'a [f16],
+    near_scale: f32,
+    /// Of each patch.
+    albedo: Vec<Vec3>,
     reflected: Vec<[f32; 3]>,
     z: Vec<[f32; 3]>,
+    /// Light at the patches from far, and all that leaves them.
+    far: Vec<[f32; 3]>,
+    leaving: Vec<Vec3>,
 }
 
 impl<'a> Carrier<'a> {
@@ -98,18 +119,38 @@ impl<'a> Carrier<'a> {
             return None;
         };
         let (gather, scale) = asset.half("indirect.gather")?;
-        // Both hold for every asset that was read; one made by hand may break them.
-        if gather.len() != patch.len() * k || patch.len() != asset.n_vertices() || k == 0 {
+        let (near_share, near_scale) = asset.half("indirect.near.share")?;
+        let Data::U16(near_patch) = &asset.tensor("indirect.near.patch")?.data else { return None };
+        // All hold for every asset that was read; one made by hand may break them.
+        let n_rows = patch.len() + n_patches;
+        let fits = gather.len() == n_rows * k
+            && near_share.len() == n_rows * N_NEAR
+            && near_patch.len() == n_rows * N_NEAR
+            && near_patch.iter().all(|&p| usize::from(p) < n_patches);
+        if !fits || patch.len() != asset.n_vertices() || k == 0 {
             return None;
+        }
+        let weight = weights(asset, patch, n_patches);
+        let mut albedo = vec![Vec3::ZERO; n_patches];
+        for (p, w) in patch.iter().zip(&weight) {
+            if let Some(sum) = albedo.get_mut(usize::from(*p)) {
+                *sum += *w;
+            }
         }
         Some(Carrier {
             patch,
-            weight: weights(asset, patch, n_patches),
+            weight,
             spread: bytemuck::cast_slice(spread),
             gather,
             scale,
+            near_patch,
+            near_share,
+            near_scale,
+            albedo,
             reflected: vec![[0.0; 3]; n_patches],
             z: vec![[0.0; 3]; k],
+            far: vec![[0.0; 3]; n_patches],
+            leaving: vec![Vec3::ZERO; n_patches],
         })
     }
 
@@ -139,6 +180,37 @@ impl<'a> Carrier<'a> {
                 }
             }
         }
+        self.leave();
+    }
+
+    /// Finds the light that leaves the patches.
+    fn leave(&mut self) {
+        let (k, n_vertices) = (self.z.len(), self.patch.len());
+        dot::sh(&self.gather[n_vertices * k..], &self.z, &mut self.far);
+        let mut leaving = std::mem::take(&mut self.leaving);
+        leaving.iter_mut().zip(&self.reflected).for_each(|(b, r)| *b = Vec3::from(*r));
+        for _ in 0..STEPS {
+            for p in 0..leaving.len() {
+                let arriving = Vec3::from(self.far[p]) + self.near(n_vertices + p, &leaving);
+                leaving[p] = Vec3::from(self.reflected[p]) + self.albedo[p] * arriving.max(Vec3::ZERO);
+            }
+        }
+        self.leaving = leaving;
+    }
+
+    /// Light from the near patches of a row.
+    fn near(&self, row: usize, leaving: &[Vec3]) -> Vec3 {
+        let range = row * N_NEAR..(row + 1) * N_NEAR;
+        let (shares, patches) = (&self.near_share[range.clone()], &self.near_patch[range]);
+        let mut sum = Vec3::ZERO;
+        for (share, p) in shares.iter().zip(patches) {
+            let share = share.to_f32();
+            if share == 0.0 {
+                break;
+            }
+            sum += share * leaving[usize::from(*p)];
+        }
+        self.near_scale * sum
     }
 
     /// Adds bounced irradiance to the vertices from `first` on.
@@ -156,11 +228,19 @@ impl<'a> Carrier<'a> {
                 *o += s;
             }
         }
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = (Vec3::from(*out) + self.near(first + i, &self.leaving)).to_array();
+        }
     }
 
-    /// k: what a vertex stores, two bytes each, and two more for its patch.
+    /// k.
     pub fn rank(&self) -> usize {
         self.z.len()
+    }
+
+    /// What a vertex stores: k numbers, its near patches and shares, and its own patch.
+    pub fn bytes_per_vertex(&self) -> usize {
+        2 * self.rank() + 4 * N_NEAR + 2
     }
 }
 

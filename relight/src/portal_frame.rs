@@ -282,7 +282,7 @@ impl<'a> PortalFrame<'a> {
         let bounced = match self.indirect {
             Indirect::None => 0,
             Indirect::Sh => self.portals.iter().filter_map(|p| p.bounced.as_ref()).map(|b| 6 * b.n).sum(),
-            Indirect::DirectToIndirect => self.carrier.as_ref().map_or(0, |c| 2 * c.rank() + 2),
+            Indirect::DirectToIndirect => self.carrier.as_ref().map_or(0, Carrier::bytes_per_vertex),
         };
         (direct as f32 / self.n_vertices.max(1) as f32, bounced as f32)
     }

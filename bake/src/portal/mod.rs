@@ -11,23 +11,26 @@
 
 mod gate;
 mod orient;
+mod outside;
 
 use std::borrow::Cow;
 use std::sync::atomic::AtomicU64;
 
 use lunette_relight::asset::{Asset, Data, Shell};
 use lunette_relight::cubemap::{RESOLUTIONS, ShTable};
+use lunette_relight::indirect::N_NEAR;
 use lunette_relight::sparse::{self, Encoder, Encoding, RowStore};
 use lunette_scenes::{Portal, Scene};
 use rayon::prelude::*;
 
-use crate::carrier::{CarrierOptions, carrier};
+use crate::carrier::{CarrierOptions, Lie, carrier};
 use crate::energy::{self, BandEnergy};
 use crate::fill::{self, Donors};
 use crate::gather::{Arriving, Pass, bounced, buried};
 use crate::photon::{self, Emission};
 use crate::rows::{Aim, Opening, Row};
 use crate::sampling::{HemisphereSets, hash};
+use crate::smooth::{self, Smoother};
 use crate::{Error, Options, Progress, Surface, mesh_asset};
 pub use gate::Gates;
 pub(crate) use orient::inwards;
@@ -103,8 +106,12 @@ pub fn bake_portals(
         surface.keep_inside(portals);
         let gates = Gates::new(portals)?;
         let sets = HemisphereSets::new(BURIAL_RAYS, hash(options.seed, u64::MAX));
-        let all: Vec<usize> = (0..scene.mesh.position.len()).collect();
-        let buried = buried(&surface, &sets, &all);
+        let owners = outside::owners(&surface, &gates, portals, options.seed);
+        let unlit = outside::unlit(&surface, &gates, &owners, &sets);
+        let reach = smooth::reach(&surface, &sets, &unlit);
+        let smoother = Smoother::new(&scene.mesh, &reach);
+        let lit: Vec<usize> = (0..scene.mesh.position.len()).filter(|&v| !unlit[v]).collect();
+        let buried = buried(&surface, &sets, &lit);
         let donors = fill::donors(&scene.mesh, &buried);
         let work = Work {
             scene,
@@ -116,6 +123,9 @@ pub fn bake_portals(
             progress,
             donors,
             buried,
+            owners,
+            unlit,
+            smoother,
         };
         work.run()
     })
@@ -148,6 +158,11 @@ struct Work<'a> {
     donors: Donors,
     /// Vertices inside other geometry, ascending.
     buried: Vec<usize>,
+    /// Portals of the outer vertices that are seen from one.
+    owners: Vec<u32>,
+    /// Vertices outside that are seen from none.
+    unlit: Vec<bool>,
+    smoother: Smoother,
 }
 
 impl Work<'_> {
@@ -158,6 +173,7 @@ impl Work<'_> {
         asset.metadata.options.insert("resolution".into(), self.portal_options.resolution.into());
         let mut report = PortalReport::default();
         let (order, mut rows_of_portals) = (self.options.indirect_order, Vec::new());
+        let mut uniform = vec![0.0; self.scene.mesh.position.len()];
         for (k, portal) in self.portals.iter().enumerate() {
             asset.metadata.shells.push(Shell {
                 name: portal.name.clone(),
@@ -165,34 +181,38 @@ impl Work<'_> {
                 normal: Some(portal.normal.to_array()),
                 area: Some(portal.area()),
             });
-            let direct_sh = self.direct(k, &mut asset, &mut report)?;
+            let direct_sh = self.direct(k, &mut asset, &mut report, &mut uniform)?;
             if self.options.bounces > 0 && order > 0 {
                 rows_of_portals.push(self.bounced(k, &direct_sh)?);
             }
         }
         self.insert_bounced(&mut asset, &rows_of_portals, &mut report);
-        self.insert_carrier(&mut asset)?;
+        self.insert_carrier(&mut asset, &uniform)?;
         Ok((asset, report))
     }
 
-    /// Encodes the rows of portal `k`; gives their SH transfer, \[V, m²\].
+    /// Encodes the rows of portal `k`; gives their SH transfer, \[V, m²\], and adds the irradiance under a sky of
+    /// radiance 1 to `uniform`.
     fn direct(
         &self,
         k: usize,
         asset: &mut Asset<'static>,
         report: &mut PortalReport,
+        uniform: &mut [f32],
     ) -> Result<Vec<f32>, Error> {
         let n = self.portal_options.resolution;
         let n_vertices = self.scene.mesh.position.len();
         let order = if self.options.bounces > 0 { self.options.indirect_order } else { 0 };
         let polygons = self.portals[k].convex_polygons();
-        let aim = Aim {
+        let aim = |opening| Aim {
             surface: self.surface,
-            opening: Opening::Portal { gates: self.gates, polygons },
+            opening,
             n,
             rays: self.options.rays,
             seed: hash(self.options.seed, 0xd1 + k as u64),
         };
+        let through = aim(Opening::Portal { gates: self.gates, polygons });
+        let outside = aim(Opening::Sky(Some(self.gates)));
         let table = ShTable::new(n, order.max(1));
         let source = self.donors.sources(n_vertices);
         let mut direct_sh = vec![0.0; n_vertices * order * order];
@@ -204,22 +224,30 @@ impl Work<'_> {
                 return Err(Error::Cancelled);
             }
             let block: Vec<usize> = (first..n_vertices.min(first + BLOCK)).collect();
-            let encoded: Vec<(sparse::Row, Vec<f32>)> = block
+            let encoded: Vec<(sparse::Row, Vec<f32>, f32)> = block
                 .par_iter()
                 .map_init(
-                    || (Row::new(n), Encoder::new(n, Encoding::default())),
-                    |(row, encoder), &v| {
-                        aim.row(v, source[v], row);
+                    || ([Row::new(n), Row::new(n)], Encoder::new(n, Encoding::default())),
+                    |([row, open], encoder), &v| {
+                        if self.unlit[v] {
+                            return Default::default();
+                        }
+                        through.row(v, source[v], row);
+                        if self.owners[source[v]] == k as u32 {
+                            outside.row(v, source[v], open);
+                            row.add(open);
+                        }
                         let mut sh = vec![0.0; order * order];
                         table.transfer(row.lit(), &mut sh);
-                        (encoder.encode(&row.dense), sh)
+                        (encoder.encode(&row.dense), sh, row.lit().map(|(_, value)| value).sum())
                     },
                 )
                 .collect();
-            for (v, (row, sh)) in block.iter().zip(encoded) {
+            for (v, (row, sh, sum)) in block.iter().zip(encoded) {
+                uniform[*v] += sum;
                 store.push(&row);
                 worst = worst.max(row.error);
-                if order > 0 {
+                if order > 0 && !sh.is_empty() {
                     direct_sh[v * width..][..width].copy_from_slice(&sh);
                 }
             }
@@ -244,7 +272,12 @@ impl Work<'_> {
         let m = self.options.indirect_order;
         let width = 3 * m * m;
         let n_vertices = self.scene.mesh.position.len();
-        let escapes = |origin, d| self.gates.first(origin, d) == Some(k as u32);
+        // A path that goes on from an outer surface brings the sky's light straight.
+        let is_outer = |t: u32| self.scene.mesh.index[t as usize].iter().any(|&v| self.owners[v as usize] == k as u32);
+        let escapes = |triangle, origin, d| match self.gates.first(origin, d) {
+            Some(portal) => portal == k as u32,
+            None => is_outer(triangle),
+        };
         let mut rows = vec![0.0; n_vertices * width];
         let mut last: Vec<f32> =
             direct_sh.chunks_exact(m * m).flat_map(|row| [row, row, row].concat()).collect();
@@ -270,7 +303,7 @@ impl Work<'_> {
                 total,
                 done: &done,
             };
-            let light = Arriving { last: &last, before_last: &before_last, many: None, escapes: &escapes };
+            let light = Arriving { last: &last, before_last: &before_last, many: None, escapes: &escapes, unlit: &self.unlit };
             bounced(&pass, &light, &mut rows, self.progress)?;
             self.donors.fill(&mut rows, width);
             if b < passes {
@@ -283,6 +316,7 @@ impl Work<'_> {
                 before_last = std::mem::replace(&mut last, next);
             }
         }
+        self.smoother.apply(&mut rows, width);
         Ok(rows)
     }
 
@@ -334,17 +368,21 @@ impl Work<'_> {
         }
     }
 
-    fn insert_carrier(&self, asset: &mut Asset<'static>) -> Result<(), Error> {
+    fn insert_carrier(&self, asset: &mut Asset<'static>, uniform: &[f32]) -> Result<(), Error> {
         let Some((patches, rank)) = self.portal_options.carrier.filter(|_| self.options.bounces > 0) else {
             return Ok(());
         };
         let rays = (self.options.rays / 2).max(256);
         let options =
             CarrierOptions { patches, rank, rays, bounces: self.options.bounces, seed: self.options.seed };
-        let c = carrier(self.scene, self.surface, &options, &self.buried, self.progress)?;
+        let lie = Lie { buried: &self.buried, unlit: &self.unlit, uniform, smoother: &self.smoother };
+        let c = carrier(self.scene, self.surface, &options, &lie, self.progress)?;
+        let rows = c.gather.len() / c.rank;
         asset.insert("indirect.patch", &[c.patch.len()], Data::U16(Cow::Owned(c.patch)));
         asset.insert("indirect.spread", &[c.n_patches, c.rank, 3], Data::F32(Cow::Owned(c.spread)));
-        asset.insert_scaled("indirect.gather", &[c.gather.len() / c.rank, c.rank], &c.gather);
+        asset.insert_scaled("indirect.gather", &[rows, c.rank], &c.gather);
+        asset.insert("indirect.near.patch", &[rows, N_NEAR], Data::U16(Cow::Owned(c.near_patch)));
+        asset.insert_scaled("indirect.near.share", &[rows, N_NEAR], &c.near_share);
         Ok(())
     }
 }

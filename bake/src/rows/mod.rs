@@ -43,8 +43,8 @@ const HIDDEN: u8 = 2;
 
 /// Through what light enters.
 pub enum Opening<'a> {
-    /// From everywhere.
-    Sky,
+    /// From everywhere but through portals, if there are any.
+    Sky(Option<&'a Gates>),
     /// Through a portal, as convex polygons.
     Portal {
         /// All portals.
@@ -96,9 +96,19 @@ impl Row {
         self.texels.iter().map(|&t| (t, self.dense[t]))
     }
 
+    /// Adds what another opening sends to the same vertex.
+    pub fn add(&mut self, other: &Row) {
+        for (t, value) in other.lit() {
+            if self.dense[t] == 0.0 {
+                self.texels.push(t);
+            }
+            self.dense[t] += value;
+        }
+    }
+
     fn clear(&mut self) {
+        self.texels.iter().for_each(|&t| self.dense[t] = 0.0);
         for cell in &self.footprint.cells {
-            self.dense[cell.texel] = 0.0;
             self.state[cell.texel] = 0;
         }
         self.texels.clear();
@@ -112,18 +122,15 @@ impl Aim<'_> {
         row.clear();
         let eye = Eye { origin: self.surface.origin[at], normal: self.surface.mesh.normal[at], n: self.n };
         match &self.opening {
-            Opening::Sky => row.footprint.add_hemisphere(&eye),
+            Opening::Sky(_) => row.footprint.add_hemisphere(&eye),
             Opening::Portal { polygons, .. } => {
                 polygons.iter().enumerate().for_each(|(i, p)| row.footprint.add_polygon(&eye, i, p));
             }
         }
         let n_cells = row.footprint.cells.len();
-        if n_cells == 0 {
-            return;
-        }
         row.sums.clear();
         row.sums.resize(n_cells, [0.0; 2]);
-        let first = (FIRST / n_cells).max(FEWEST);
+        let first = (FIRST / n_cells.max(1)).max(FEWEST);
         self.look(v, &eye, 0..n_cells, 0..first, row);
         let edges: Vec<usize> =
             (0..n_cells).filter(|&c| is_edge(&row.state, self.n, &row.footprint.cells[c])).collect();
@@ -196,10 +203,12 @@ impl Aim<'_> {
         n: usize,
         packet: &ffi::Packet<LANES>,
     ) -> [bool; LANES] {
-        let Opening::Portal { gates, polygons } = &self.opening else { return [false; LANES] };
-        if gates.lie_in_one_plane() {
-            return [false; LANES];
-        }
+        let (gates, polygons) = match &self.opening {
+            Opening::Sky(None) => return [false; LANES],
+            Opening::Sky(Some(gates)) => return gates.any(&ffi::Mask::first(n), packet),
+            Opening::Portal { gates, .. } if gates.lie_in_one_plane() => return [false; LANES],
+            Opening::Portal { gates, polygons } => (gates, polygons),
+        };
         let mut packet = *packet;
         for lane in 0..n {
             let polygon = &polygons[row.footprint.cells[rays.cell[lane]].polygon];

@@ -3,6 +3,7 @@
 use safetensors::Dtype;
 
 use super::{Asset, Data, Error, Tensor};
+use crate::indirect::N_NEAR;
 use crate::sh::MAX_COEFFICIENTS;
 use crate::sparse::Rows;
 
@@ -20,7 +21,7 @@ enum Shape {
     TriangleTriple,
     VertexSquare,
     VertexSquareTriple,
-    VertexAny,
+    AnyAny,
     AnyAnyTriple,
 }
 
@@ -37,7 +38,9 @@ const RULES: &[Rule] = &[
     Rule { name: "portal.*.indirect.sh", dtype: Dtype::F16, shape: Shape::VertexSquareTriple },
     Rule { name: "indirect.patch", dtype: Dtype::U16, shape: Shape::Vertex },
     Rule { name: "indirect.spread", dtype: Dtype::F32, shape: Shape::AnyAnyTriple },
-    Rule { name: "indirect.gather", dtype: Dtype::F16, shape: Shape::VertexAny },
+    Rule { name: "indirect.gather", dtype: Dtype::F16, shape: Shape::AnyAny },
+    Rule { name: "indirect.near.patch", dtype: Dtype::U16, shape: Shape::AnyAny },
+    Rule { name: "indirect.near.share", dtype: Dtype::F16, shape: Shape::AnyAny },
 ];
 
 /// In `indirect.patch`: a vertex that reflects nothing.
@@ -92,23 +95,30 @@ fn sparse_rows(asset: &Asset) -> Result<(), Error> {
     Ok(())
 }
 
-/// Patches and their two matrices go together.
+/// Patches and their matrices go together; rows are those of the vertices and of the patches.
 fn patches(asset: &Asset) -> Result<(), Error> {
-    let names = ["indirect.patch", "indirect.spread", "indirect.gather"];
+    let names =
+        ["indirect.patch", "indirect.spread", "indirect.gather", "indirect.near.patch", "indirect.near.share"];
     let found = names.map(|name| asset.tensor(name));
-    let [Some(patch), Some(spread), Some(gather)] = found else {
+    let [Some(patch), Some(spread), Some(gather), Some(near), Some(share)] = found else {
         return match names.iter().zip(found).find(|(_, tensor)| tensor.is_none()) {
             Some((name, _)) if found.iter().any(Option::is_some) => Err(wrong(name, "missing")),
             _ => Ok(()),
         };
     };
-    if spread.shape[1] != gather.shape[1] {
-        return Err(wrong(names[2], &format!("{} columns against {}", gather.shape[1], spread.shape[1])));
+    let (n_patches, k) = (spread.shape[0], spread.shape[1]);
+    let rows = patch.shape[0] + n_patches;
+    for (name, tensor, columns) in [(names[2], gather, k), (names[3], near, N_NEAR), (names[4], share, N_NEAR)] {
+        if tensor.shape != [rows, columns] {
+            return Err(wrong(name, &format!("shape {:?} instead of [{rows}, {columns}]", tensor.shape)));
+        }
     }
-    let n_patches = spread.shape[0];
-    let Data::U16(patch) = &patch.data else { return Ok(()) };
-    match patch.iter().position(|&p| p != NO_PATCH && usize::from(p) >= n_patches) {
-        Some(v) => Err(wrong(names[0], &format!("vertex {v} points past patch {n_patches}"))),
+    let (Data::U16(patch), Data::U16(near)) = (&patch.data, &near.data) else { return Ok(()) };
+    if let Some(v) = patch.iter().position(|&p| p != NO_PATCH && usize::from(p) >= n_patches) {
+        return Err(wrong(names[0], &format!("vertex {v} points past patch {n_patches}")));
+    }
+    match near.iter().position(|&p| usize::from(p) >= n_patches) {
+        Some(at) => Err(wrong(names[3], &format!("row {} points past patch {n_patches}", at / N_NEAR))),
         None => Ok(()),
     }
 }
@@ -131,7 +141,7 @@ fn known(rule: &Rule, name: &str, tensor: &Tensor, v: usize) -> Result<(), Error
         (Shape::TriangleTriple, &[_, 3]) => true,
         (Shape::VertexSquare, &[a, k]) => a == v && square(k),
         (Shape::VertexSquareTriple, &[a, k, 3]) => a == v && square(k),
-        (Shape::VertexAny, &[a, k]) => a == v && k > 0,
+        (Shape::AnyAny, &[n, k]) => n > 0 && k > 0,
         (Shape::AnyAnyTriple, &[p, k, 3]) => p > 0 && k > 0,
         _ => false,
     };

@@ -18,8 +18,19 @@ fn strip(v: usize, k: usize) -> Asset<'static> {
     asset.insert("indirect.patch", &[v], Data::U16(Cow::Owned(patch)));
     let spread = (0..2 * k * 3).map(|i| (i as f32 * 0.7).sin()).collect();
     asset.insert("indirect.spread", &[2, k, 3], Data::F32(Cow::Owned(spread)));
-    let gather: Vec<f32> = (0..v * k).map(|i| 1e-4 * (i as f32 * 1.3).cos()).collect();
-    asset.insert_scaled("indirect.gather", &[v, k], &gather);
+    let rows = v + 2;
+    let gather: Vec<f32> = (0..rows * k).map(|i| 1e-4 * (1.2 + (i as f32 * 1.3).cos())).collect();
+    asset.insert_scaled("indirect.gather", &[rows, k], &gather);
+    // Each row has two near patches, the other one first.
+    let near = |i: usize, n: usize| match n {
+        0 => (1 - (i % 2) as u16, 0.25),
+        1 => ((i % 2) as u16, 0.125),
+        _ => (0, 0.0),
+    };
+    let all = || (0..rows).flat_map(|i| (0..N_NEAR).map(move |n| near(i, n)));
+    asset.insert("indirect.near.patch", &[rows, N_NEAR], Data::U16(Cow::Owned(all().map(|n| n.0).collect())));
+    let share: Vec<f32> = all().map(|n| n.1).collect();
+    asset.insert_scaled("indirect.near.share", &[rows, N_NEAR], &share);
     asset
 }
 
@@ -42,11 +53,23 @@ fn naive(asset: &Asset, direct: &[[f32; 3]]) -> Vec<[f64; 3]> {
             r[p] += area[i] * f64::from(asset.albedo()[i][c]) * f64::from(direct[i][c]);
             total[p] += area[i];
         }
-        for (i, out) in out.iter_mut().enumerate() {
-            for j in 0..k {
-                let z: f64 = (0..2).map(|p| f64::from(spread[(p * k + j) * 3 + c]) * r[p] / total[p]).sum();
-                out[c] += f64::from(gather[i * k + j].to_f32() * scale) * z;
+        let z = |j: usize| (0..2).map(|p| f64::from(spread[(p * k + j) * 3 + c]) * r[p] / total[p]).sum::<f64>();
+        let far = |row: usize| -> f64 {
+            (0..k).map(|j| f64::from(gather[row * k + j].to_f32() * scale) * z(j)).sum()
+        };
+        let near = |row: usize, b: &[f64; 2]| 0.25 * b[1 - row % 2] + 0.125 * b[row % 2];
+        let albedo = [0, 1].map(|p| {
+            let of = |i: &usize| usize::from(patch[*i]) == p;
+            (0..v).filter(of).map(|i| area[i] * f64::from(asset.albedo()[i][c])).sum::<f64>() / total[p]
+        });
+        let mut b = [r[0] / total[0], r[1] / total[1]];
+        for _ in 0..STEPS {
+            for p in 0..2 {
+                b[p] = r[p] / total[p] + albedo[p] * (far(v + p) + near(v + p, &b)).max(0.0);
             }
+        }
+        for (i, out) in out.iter_mut().enumerate() {
+            out[c] += far(i) + near(i, &b);
         }
     }
     out
