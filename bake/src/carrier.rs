@@ -18,11 +18,12 @@
 //! Based on: M. Hašan, F. Pellacini, K. Bala, Direct-to-Indirect Transfer for Cinematic Relighting, 2006; N. Halko,
 //! P. Martinsson, J. Tropp, Finding Structure with Randomness, 2011 (subspace iteration).
 
+use std::borrow::Cow;
 use std::sync::atomic::Ordering;
 
 use glam::Vec3;
 use lunette_ffi as ffi;
-use lunette_relight::asset::NO_PATCH;
+use lunette_relight::asset::{Asset, Data, NO_PATCH};
 use lunette_relight::indirect::N_NEAR;
 use lunette_scenes::Scene;
 use rayon::prelude::*;
@@ -31,7 +32,7 @@ use crate::fill;
 use crate::gather::{Pass, lane_of, packet, vertices};
 use crate::sampling::{HemisphereSets, LANES, hash};
 use crate::smooth::Smoother;
-use crate::{Error, Progress, Surface};
+use crate::{Error, Options, Progress, Surface};
 
 /// What is stored; rows are those of the vertices and then those of the patches.
 pub struct Carrier {
@@ -62,20 +63,20 @@ pub struct Lie<'a> {
     pub smoother: &'a Smoother,
 }
 
-/// How fine.
-#[derive(Clone, Copy, Debug)]
-pub struct CarrierOptions {
-    /// Most patches, 16..=65535. Detail of bounced light.
-    pub patches: usize,
-    /// k: 2 k bytes per vertex.
-    pub rank: usize,
-    /// Rays per vertex.
-    pub rays: usize,
-    /// How often light may bounce, 1 and up.
-    pub bounces: usize,
-    /// Seed.
-    pub seed: u64,
+impl Carrier {
+    /// Puts the tensors into an asset.
+    pub fn insert_into(self, asset: &mut Asset<'static>) {
+        let rows = self.gather.len() / self.rank;
+        asset.insert("indirect.patch", &[self.patch.len()], Data::U16(Cow::Owned(self.patch)));
+        asset.insert("indirect.spread", &[self.n_patches, self.rank, 3], Data::F32(Cow::Owned(self.spread)));
+        asset.insert_scaled("indirect.gather", &[rows, self.rank], &self.gather);
+        asset.insert("indirect.near.patch", &[rows, N_NEAR], Data::U16(Cow::Owned(self.near_patch)));
+        asset.insert_scaled("indirect.near.share", &[rows, N_NEAR], &self.near_share);
+    }
 }
+
+/// Rays per vertex: half of those for shadows, but not fewer than this.
+const FEWEST_RAYS: usize = 256;
 
 /// Rays per vertex for the patch-to-patch shares; each patch averages over its vertices.
 const PATCH_RAYS: usize = 64;
@@ -94,7 +95,7 @@ const NORMAL_WEIGHT: f32 = 0.25;
 pub fn carrier(
     scene: &Scene,
     surface: &Surface,
-    options: &CarrierOptions,
+    options: &Options,
     lie: &Lie,
     progress: &dyn Progress,
 ) -> Result<Carrier, Error> {
@@ -107,7 +108,8 @@ pub fn carrier(
     let rho = mean_albedo(&patch, n_patches, &area, &albedo);
 
     let done = std::sync::atomic::AtomicU64::new(0);
-    let total = (n_vertices * (PATCH_RAYS + options.rays.next_multiple_of(LANES))) as u64;
+    let rays = (options.rays / 2).max(FEWEST_RAYS).next_multiple_of(LANES);
+    let total = (n_vertices * (PATCH_RAYS + rays)) as u64;
     let sets = HemisphereSets::new(PATCH_RAYS, hash(options.seed, 0xf0));
     let pass =
         Pass { surface, sets: &sets, order: 0, seed: options.seed, stage: "patches", total, done: &done };
@@ -121,7 +123,7 @@ pub fn carrier(
     // From here on the basis takes shares as they are: D Q.
     basis.chunks_exact_mut(rank).zip(&bright).for_each(|(row, b)| row.iter_mut().for_each(|q| *q *= b));
 
-    let sets = HemisphereSets::new(options.rays, hash(options.seed, 0xf1));
+    let sets = HemisphereSets::new(rays, hash(options.seed, 0xf1));
     let pass = Pass { sets: &sets, stage: "direct to indirect", ..pass };
     // A row is its products with the basis, then its near shares, then their patches.
     let width = rank + 2 * N_NEAR;
@@ -146,7 +148,8 @@ pub fn carrier(
     let row = |v: usize| &rows[donors[v] * width..][..width];
     let mut gather: Vec<f32> = (0..n_vertices).flat_map(|v| row(v)[..rank].iter().copied()).collect();
     lie.smoother.apply(&mut gather, rank);
-    let mut near_share: Vec<f32> = (0..n_vertices).flat_map(|v| row(v)[rank..][..N_NEAR].iter().copied()).collect();
+    let mut near_share: Vec<f32> =
+        (0..n_vertices).flat_map(|v| row(v)[rank..][..N_NEAR].iter().copied()).collect();
     let mut near_patch: Vec<u16> =
         (0..n_vertices).flat_map(|v| row(v)[rank + N_NEAR..].iter().map(|p| *p as u16)).collect();
     gather.append(&mut patch_gather);

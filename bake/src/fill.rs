@@ -103,6 +103,13 @@ impl Donors {
         sources
     }
 
+    /// The vertices that are filled, ascending.
+    pub fn filled(&self) -> Vec<usize> {
+        let mut list: Vec<usize> = self.list.iter().map(|(v, _)| *v).collect();
+        list.sort_unstable();
+        list
+    }
+
     /// How many vertices are filled.
     pub fn n_filled(&self) -> usize {
         self.list.len()

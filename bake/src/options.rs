@@ -13,8 +13,30 @@ pub enum Basis {
     Bent,
     /// Axis and radius of the visible cap: 8 bytes; shares the bent normal.
     Aperture,
-    /// SH transfer: 2 n² bytes for direct light, 6 m² for bounced light.
+    /// SH transfer: 2 n² bytes for direct light of the sky, 6 m² for bounced light of any shell.
     Sh,
+    /// Sparse rows on a cubemap, in pulses or Haar wavelets, for direct light of the sky: shadows of a sun as sharp as a
+    /// texel, in some hundred bytes. What portals always have.
+    Haar,
+    /// Bounced light from direct light, whatever shines.
+    DirectToIndirect,
+}
+
+impl Basis {
+    /// All of them.
+    pub const ALL: [Basis; 5] =
+        [Basis::Bent, Basis::Aperture, Basis::Sh, Basis::Haar, Basis::DirectToIndirect];
+
+    /// As on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Basis::Bent => "bent",
+            Basis::Aperture => "aperture",
+            Basis::Sh => "sh",
+            Basis::Haar => "haar",
+            Basis::DirectToIndirect => "direct-to-indirect",
+        }
+    }
 }
 
 /// Everything that decides the bytes of a bake, and the number of threads, which does not.
@@ -24,11 +46,18 @@ pub struct Options {
     pub basis: Vec<Basis>,
     /// SH bands of direct light, 1..=10. Bytes and evaluation grow with its square.
     pub order: usize,
-    /// SH bands of bounced light, 1..=10, at most `order`; 0 for none.
+    /// SH bands of bounced light, 1..=10, at most `order`.
     pub indirect_order: usize,
     /// Rays per vertex, 16..=65536, rounded up to a multiple of 16. The error of a shadow falls with about the
     /// power -0.75; time grows in proportion. A quarter of them, but at least 128, serve each bounce.
     pub rays: usize,
+    /// Texels on a side of a cubemap's face, 8, 16, 32 or 64, of sparse rows.
+    pub resolution: usize,
+    /// Most patches of direct-to-indirect transport, 16..=65535: detail of bounced light. Memory and time grow with
+    /// its square.
+    pub patches: usize,
+    /// Numbers per vertex of direct-to-indirect transport, 1..=512, two bytes each.
+    pub rank: usize,
     /// How often light may bounce, 0..=1000. Each costs about half of the first pass.
     pub bounces: usize,
     /// Seed of every random choice.
@@ -45,6 +74,9 @@ impl Default for Options {
             indirect_order: 5,
             rays: 1024,
             bounces: 2,
+            resolution: 32,
+            patches: 2048,
+            rank: 128,
             seed: 1,
             threads: 0,
         }
@@ -56,14 +88,22 @@ impl Options {
     /// When a value is out of the range that its field names.
     pub fn check(&self) -> Result<(), Error> {
         range("order", self.order, 1, MAX_ORDER)?;
-        range("indirect-order", self.indirect_order, 0, self.order)?;
+        range("indirect-order", self.indirect_order, 1, self.order)?;
+        range("patches", self.patches, 16, 65535)?;
+        range("rank", self.rank, 1, 512)?;
+        if !matches!(self.resolution, 8 | 16 | 32 | 64) {
+            return Err(Error::Option {
+                name: "resolution",
+                what: format!("{} is not 8, 16, 32 or 64", self.resolution),
+            });
+        }
         range("rays", self.rays, 16, 65536)?;
         range("bounces", self.bounces, 0, 1000)?;
         range("threads", self.threads, 0, 1024)?;
         if self.basis.is_empty() {
             return Err(Error::Option {
                 name: "basis",
-                what: "name at least one of bent, aperture, sh".into(),
+                what: "name at least one of bent, aperture, sh, haar, direct-to-indirect".into(),
             });
         }
         Ok(())
@@ -71,13 +111,16 @@ impl Options {
 
     /// As they go into the file. Threads are left out: they do not change a byte.
     pub(crate) fn describe(&self) -> BTreeMap<String, serde_json::Value> {
-        let basis: Vec<String> = self.basis.iter().map(|b| format!("{b:?}").to_lowercase()).collect();
+        let basis: Vec<&str> = self.basis.iter().map(|b| b.name()).collect();
         BTreeMap::from([
             ("basis".into(), basis.into()),
             ("order".into(), self.order.into()),
             ("indirect_order".into(), self.indirect_order.into()),
             ("rays".into(), self.rays.into()),
             ("bounces".into(), self.bounces.into()),
+            ("resolution".into(), self.resolution.into()),
+            ("patches".into(), self.patches.into()),
+            ("rank".into(), self.rank.into()),
         ])
     }
 

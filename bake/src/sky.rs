@@ -11,9 +11,12 @@ use glam::Vec3;
 use lunette_relight::asset::{Asset, Data, Metadata};
 use lunette_scenes::Scene;
 
+use crate::carrier::{Lie, carrier};
 use crate::fill::{self, Donors};
 use crate::gather::{AO, Arriving, BENT, Many, OPEN, Pass, SH, bounced, buried, direct, direct_width};
+use crate::rows::{self, Aim, Opening, Row, Stage};
 use crate::sampling::{HemisphereSets, hash};
+use crate::smooth::{self, Smoother};
 use crate::{Basis, Error, Options, Progress, Surface};
 
 /// One in so many rays is also asked what it meets, but not fewer than this many.
@@ -38,7 +41,14 @@ pub fn bake(
     let (rows, donors) = work.direct()?;
     let bounced = if work.bounces > 0 { work.bounced(&rows, &donors)? } else { Vec::new() };
     report(&donors, progress);
-    Ok(asset(scene, options, order, &rows, &bounced))
+    let mut asset = asset(scene, options, order, &rows, &bounced);
+    if options.has(Basis::Haar) {
+        work.insert_rows(&donors, &mut asset)?;
+    }
+    if options.has(Basis::DirectToIndirect) && options.bounces > 0 {
+        work.insert_carrier(scene, &rows, &donors, &mut asset)?;
+    }
+    Ok(asset)
 }
 
 struct Work<'a> {
@@ -53,7 +63,7 @@ struct Work<'a> {
 
 impl<'a> Work<'a> {
     fn new(surface: &'a Surface<'a>, options: &'a Options, order: usize, progress: &'a dyn Progress) -> Self {
-        let bounces = if order > 0 && options.indirect_order > 0 { options.bounces } else { 0 };
+        let bounces = if order > 0 { options.bounces } else { 0 };
         let per_vertex = options.rays.next_multiple_of(16) + bounces * bounce_rays(options);
         let total = (surface.mesh.position.len() * per_vertex) as u64;
         Work { surface, options, order, bounces, progress, total, done: AtomicU64::new(0) }
@@ -62,6 +72,50 @@ impl<'a> Work<'a> {
     fn pass<'b>(&'b self, stage: &'b str, order: usize, stream: usize, sets: &'b HemisphereSets) -> Pass<'b> {
         let seed = hash(self.options.seed, stream as u64);
         Pass { surface: self.surface, sets, order, seed, stage, total: self.total, done: &self.done }
+    }
+
+    /// Sparse rows of direct light.
+    fn insert_rows(&self, donors: &Donors, asset: &mut Asset<'static>) -> Result<(), Error> {
+        let aim = Aim {
+            surface: self.surface,
+            opening: Opening::Sky(None),
+            n: self.options.resolution,
+            rays: self.options.rays,
+            seed: hash(self.options.seed, 0xd0),
+        };
+        let n_vertices = self.surface.mesh.position.len();
+        let source = donors.sources(n_vertices);
+        let stage = Stage { name: "sky in texels", rays: self.options.rays, progress: self.progress };
+        let compute = |v: usize, [row, _]: &mut [Row; 2]| aim.row(v, source[v], row);
+        let (store, worst) = rows::encode(aim.n, n_vertices, &stage, compute, |_, ()| {})?;
+        let per_vertex = store.bytes() / n_vertices;
+        let haar = 100 * store.n_haar() / n_vertices;
+        self.progress.note(&format!(
+            "sky: {per_vertex} bytes of direct light per vertex ({haar} % of rows in Haar wavelets), at most {:.1} % of a row lost",
+            100.0 * worst
+        ));
+        store.insert_into(asset, "sky.direct", aim.n).map_err(|e| Error::TooLarge(e.to_string()))
+    }
+
+    fn insert_carrier(
+        &self,
+        scene: &Scene,
+        direct: &[f32],
+        donors: &Donors,
+        asset: &mut Asset<'static>,
+    ) -> Result<(), Error> {
+        let width = direct_width(self.order);
+        let uniform: Vec<f32> = direct.chunks_exact(width).map(|r| std::f32::consts::PI * r[AO]).collect();
+        let sets = HemisphereSets::new(BURIAL_RAYS, hash(self.options.seed, u64::MAX));
+        let smoother = Smoother::new(&scene.mesh, &smooth::reach(self.surface, &sets, &[]));
+        let lie = Lie {
+            buried: &donors.filled(),
+            unlit: &vec![false; uniform.len()],
+            uniform: &uniform,
+            smoother: &smoother,
+        };
+        carrier(scene, self.surface, self.options, &lie, self.progress)?.insert_into(asset);
+        Ok(())
     }
 
     /// Rows of direct light, with buried vertices filled.

@@ -123,8 +123,9 @@ mod tests {
     fn constant_rows_stay_and_noise_falls() {
         let n = 400;
         let smoother = Smoother::new(&strip(n), &vec![100.0; n]);
-        let mut rows: Vec<f32> =
-            (0..n).flat_map(|i| [2.0, (crate::sampling::hash(3, i as u64) >> 40) as f32 / (1 << 24) as f32]).collect();
+        let mut rows: Vec<f32> = (0..n)
+            .flat_map(|i| [2.0, (crate::sampling::hash(3, i as u64) >> 40) as f32 / (1 << 24) as f32])
+            .collect();
         smoother.apply(&mut rows, 2);
         // f32 sums of three.
         assert!(rows.iter().step_by(2).all(|x| (x - 2.0).abs() < 1e-5));

@@ -85,7 +85,7 @@ pub struct Effort {
     /// SH bands of direct light, 1 to 10
     #[arg(long, default_value_t = 5, allow_negative_numbers = true)]
     pub order: usize,
-    /// SH bands of bounced light, 1 to 10, 0 for none [default: as --order]
+    /// SH bands of bounced light, 1 to 10 [default: as --order]
     #[arg(long, allow_negative_numbers = true)]
     pub indirect_order: Option<usize>,
     /// Rays per vertex, 16 to 65536
@@ -94,6 +94,15 @@ pub struct Effort {
     /// How often light bounces, 0 to 1000
     #[arg(long, default_value_t = 2, allow_negative_numbers = true)]
     pub bounces: usize,
+    /// Texels on a side of a cubemap's face: 8, 16, 32 or 64
+    #[arg(long, default_value_t = 32, allow_negative_numbers = true)]
+    pub resolution: usize,
+    /// Patches of direct-to-indirect transport
+    #[arg(long, default_value_t = 2048, allow_negative_numbers = true)]
+    pub patches: usize,
+    /// Numbers per vertex of direct-to-indirect transport
+    #[arg(long, default_value_t = 128, allow_negative_numbers = true)]
+    pub rank: usize,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
@@ -110,8 +119,9 @@ pub struct Bake {
     /// The baked file [default: the scene's name with .safetensors]
     #[arg(short, long)]
     pub output: Option<PathBuf>,
-    /// What to store, of bent, aperture, sh
-    #[arg(long, value_delimiter = ',', default_value = "bent,aperture,sh")]
+    /// What to store, of bent, aperture, sh, haar (direct light on a cubemap), direct-to-indirect (bounced light)
+    /// [default: bent,aperture,sh; with portals haar,sh,direct-to-indirect]
+    #[arg(long, value_delimiter = ',')]
     pub basis: Vec<String>,
     #[command(flatten)]
     pub effort: Effort,
@@ -145,21 +155,12 @@ pub struct Openings {
 pub struct PortalChoice {
     #[command(flatten)]
     pub openings: Openings,
-    /// Texels on a side of a portal's cubemap: 8, 16, 32 or 64
-    #[arg(long, default_value_t = 32)]
-    pub resolution: usize,
     /// Start bounced SH light from this many photons per portal, instead of gathering it from the direct light
     #[arg(long, value_name = "N")]
     pub photons: Option<u64>,
     /// Choose the bands of bounced SH light that hold this percentage of its energy
     #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
     pub energy: Option<f64>,
-    /// Patches of direct-to-indirect transport
-    #[arg(long, default_value_t = 2048)]
-    pub patches: usize,
-    /// Numbers per vertex of direct-to-indirect transport; 0 leaves it out
-    #[arg(long, default_value_t = 128)]
-    pub rank: usize,
 }
 
 /// What shines.
@@ -210,8 +211,8 @@ pub struct Relight {
     /// .png or .exr: a picture; .safetensors or .ply: irradiance per vertex; %02d counts the frames of a day
     #[arg(short, long, default_value = "relit.png")]
     pub output: PathBuf,
-    /// bent, aperture, aperture-smooth, sh, or shN for N bands; -lanczos after sh damps ringing
-    /// [default: sh where baked, else aperture, else bent]
+    /// bent, aperture, aperture-smooth, haar, sh, or shN for N bands; -lanczos after sh damps ringing
+    /// [default: haar where baked, else sh, else aperture, else bent]
     #[arg(long)]
     pub method: Option<String>,
     #[command(flatten)]

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Result, anyhow};
 use lunette_bake::{Basis, Options, PortalOptions};
 use lunette_relight::asset::Asset;
 use lunette_scenes::{Portal, Scene};
@@ -15,13 +15,17 @@ use crate::{portals, scene};
 
 /// `lunette bake`
 pub fn run(arguments: &args::Bake) -> Result<()> {
-    let options = options(&arguments.basis, &arguments.effort)?;
+    let asked = basis(&arguments.basis)?;
+    let mut options = options(asked.clone(), &arguments.effort);
     options.check().map_err(|e| anyhow!("{e}"))?;
     let path = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
     output::check_folder(&path)?;
     let portal_options = portals::options(&arguments.portals)?;
     let mut scene = scene::load(&arguments.scene, &arguments.read)?;
     let portals = portals::take(&mut scene, &arguments.scene, &arguments.portals.openings)?;
+    if asked.is_empty() && !portals.is_empty() {
+        options.basis = vec![Basis::Haar, Basis::Sh, Basis::DirectToIndirect];
+    }
     let started = Instant::now();
     let asset = if portals.is_empty() {
         bake(&scene, &arguments.scene, &options)?
@@ -74,27 +78,29 @@ fn short_name(name: &str) -> String {
     Path::new(name).file_name().map_or(name.into(), |n| n.to_string_lossy().into_owned())
 }
 
-/// Options of a bake from the command line.
-pub fn options(basis: &[String], effort: &Effort) -> Result<Options> {
-    let indirect_order = effort.indirect_order.unwrap_or(effort.order);
-    Ok(Options {
-        basis: basis.iter().map(|b| self::basis(b)).collect::<Result<_>>()?,
+/// Options of a bake from the command line; no basis means the sky's default.
+pub fn options(basis: Vec<Basis>, effort: &Effort) -> Options {
+    Options {
+        basis: if basis.is_empty() { Options::default().basis } else { basis },
         order: effort.order,
-        indirect_order,
+        indirect_order: effort.indirect_order.unwrap_or(effort.order),
         rays: effort.rays,
         bounces: effort.bounces,
+        resolution: effort.resolution,
+        patches: effort.patches,
+        rank: effort.rank,
         seed: effort.seed,
         threads: effort.threads,
-    })
+    }
 }
 
-fn basis(name: &str) -> Result<Basis> {
-    Ok(match name {
-        "bent" => Basis::Bent,
-        "aperture" => Basis::Aperture,
-        "sh" => Basis::Sh,
-        _ => bail!("--basis: there is no '{name}'; there are bent, aperture, sh"),
-    })
+fn basis(names: &[String]) -> Result<Vec<Basis>> {
+    let known = Basis::ALL.map(Basis::name).join(", ");
+    let find = |name: &String| Basis::ALL.into_iter().find(|b| b.name() == name);
+    names
+        .iter()
+        .map(|n| find(n).ok_or_else(|| anyhow!("--basis: there is no '{n}'; there are {known}")))
+        .collect()
 }
 
 /// The scene's name with `.safetensors`, in the current folder.

@@ -34,7 +34,7 @@ enum Candidate {
 
 /// `lunette compare`
 pub fn run(arguments: &args::Compare) -> Result<()> {
-    let effort = bake::options(&["sh".into()], &arguments.effort)?;
+    let effort = bake::options(vec![Basis::Sh], &arguments.effort);
     effort.check().map_err(|e| anyhow!("{e}"))?;
     let portal_options = portals::options(&arguments.portals)?;
     let samples = render::options(arguments.samples, effort.bounces as u32, 1)?;
@@ -162,30 +162,31 @@ struct Work<'a> {
 impl Work<'_> {
     /// Bakes what a candidate needs, and no more.
     fn bake(&self, candidate: Candidate) -> Result<Asset<'static>> {
-        let inside = |order: usize, carrier| {
-            let options = Options { order: 10, indirect_order: order, ..self.effort.clone() };
-            let portal_options = PortalOptions { carrier, ..*self.portal_options };
-            bake::bake_portals(self.scene, self.portals, "", &options, &portal_options)
+        let inside = |order: usize, carried: &[Basis]| {
+            let basis = [&[Basis::Haar], carried].concat();
+            let options = Options { basis, order: 10, indirect_order: order, ..self.effort.clone() };
+            bake::bake_portals(self.scene, self.portals, "", &options, self.portal_options)
         };
-        let carrier = self.portal_options.carrier.or(PortalOptions::default().carrier);
+        let order = self.effort.indirect_order;
         match candidate {
             Candidate::Sky(method) => bake::bake(self.scene, "", &options_of(method, self.effort)),
-            Candidate::Portal => inside(self.effort.indirect_order, carrier),
-            Candidate::PortalSh(order) => inside(order, None),
-            Candidate::PortalDirectToIndirect => inside(0, carrier),
+            Candidate::Portal => inside(order, &[Basis::Sh, Basis::DirectToIndirect]),
+            Candidate::PortalSh(order) => inside(order, &[Basis::Sh]),
+            Candidate::PortalDirectToIndirect => inside(order, &[Basis::DirectToIndirect]),
         }
     }
 }
 
-/// What must be baked for a method. Bounced light needs the SH pass, whatever carries the direct light.
+/// What must be baked for a method. Bounced light needs the SH pass, or comes from direct light where that is sharp.
 fn options_of(method: Method, effort: &Options) -> Options {
     let (basis, order) = match method {
-        Method::Bent => (vec![Basis::Bent], effort.order),
-        Method::Aperture(_) => (vec![Basis::Aperture], effort.order),
+        Method::Bent => (vec![Basis::Bent, Basis::Sh], effort.order),
+        Method::Aperture(_) => (vec![Basis::Aperture, Basis::Sh], effort.order),
         Method::Sh { order, .. } => (vec![Basis::Sh], order),
-        _ => (vec![Basis::Sh], effort.order),
+        _ => (vec![Basis::Haar, Basis::DirectToIndirect], effort.order),
     };
-    let sh = if effort.bounces > 0 && !basis.contains(&Basis::Sh) { vec![Basis::Sh] } else { vec![] };
+    let keep = |b: &Basis| effort.bounces > 0 || *b != Basis::Sh || basis.len() == 1;
+    let basis = basis.iter().copied().filter(keep).collect();
     let indirect_order = effort.indirect_order.min(order);
-    Options { basis: [basis, sh].concat(), order, indirect_order, ..effort.clone() }
+    Options { basis, order, indirect_order, ..effort.clone() }
 }

@@ -19,7 +19,7 @@ use crate::scene;
 /// A frame of either kind.
 pub enum Engine<'a> {
     /// The sky is all around.
-    Sky(Box<Frame<'a>>),
+    Sky(Box<Frame<'a>>, Option<Indirect>),
     /// Light enters through portals.
     Interior(Box<Interior<'a>>),
 }
@@ -69,16 +69,17 @@ impl<'a> Engine<'a> {
             "this asset has no portals: --portal-material and --exterior need one baked with --portal"
         );
         let mut frame = Frame::new(asset, method.unwrap_or_default()).map_err(|e| anyhow!("{e}"))?;
-        if let Some(carried) = indirect(outside)? {
+        let carried = indirect(outside)?;
+        if let Some(carried) = carried {
             frame.set_indirect(carried).map_err(|e| anyhow!("{e}"))?;
         }
-        Ok(Engine::Sky(Box::new(frame)))
+        Ok(Engine::Sky(Box::new(frame), carried))
     }
 
     /// What a frame reads per vertex, bytes: direct and bounced light.
     pub fn bytes_per_vertex(&self) -> (f32, f32) {
         match self {
-            Engine::Sky(frame) => frame.bytes_per_vertex(),
+            Engine::Sky(frame, _) => frame.bytes_per_vertex(),
             Engine::Interior(interior) => interior.frame.bytes_per_vertex(),
         }
     }
@@ -89,13 +90,19 @@ impl<'a> Engine<'a> {
         let (mut direct, mut indirect) = (vec![[0.0; 3]; n_vertices], vec![[0.0; 3]; n_vertices]);
         let started = Instant::now();
         match self {
-            Engine::Sky(frame) => frame.project(light),
+            Engine::Sky(frame, carried) => {
+                if carried.is_none() {
+                    let suits = Indirect::for_light(asset, light);
+                    frame.set_indirect(suits).map_err(|e| anyhow!("{e}"))?;
+                }
+                frame.project(light);
+            }
             Engine::Interior(interior) => interior.project(asset, light, i, n)?,
         }
         let project = started.elapsed();
         let started = Instant::now();
         match self {
-            Engine::Sky(frame) => {
+            Engine::Sky(frame, _) => {
                 for_each_part(&mut direct, |first, out| frame.direct(first, out));
                 frame.reflect(&direct);
                 for_each_part(&mut indirect, |first, out| frame.add_indirect(first, out));

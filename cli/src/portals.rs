@@ -41,12 +41,5 @@ pub fn options(choice: &args::PortalChoice) -> Result<PortalOptions> {
         choice.photons.is_none_or(|n| (1000..=10_000_000_000).contains(&n)),
         "--photons: a number in 1000..=10000000000 is needed"
     );
-    ensure!((16..=65535).contains(&choice.patches), "--patches: {} is not in 16..=65535", choice.patches);
-    ensure!((0..=512).contains(&choice.rank), "--rank: {} is not in 0..=512", choice.rank);
-    Ok(PortalOptions {
-        resolution: choice.resolution,
-        start: choice.photons.map_or(Start::Gathering, Start::Photons),
-        energy_share: share,
-        carrier: (choice.rank > 0).then_some((choice.patches, choice.rank)),
-    })
+    Ok(PortalOptions { start: choice.photons.map_or(Start::Gathering, Start::Photons), energy_share: share })
 }

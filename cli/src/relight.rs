@@ -114,6 +114,7 @@ pub fn method(name: &str) -> Result<Method> {
     match (base, window) {
         ("bent", None) => return Ok(Method::Bent),
         ("aperture", None) => return Ok(Method::Aperture(Intersection::Exact)),
+        ("haar", None) => return Ok(Method::Haar),
         ("aperture-smooth", None) => return Ok(Method::Aperture(Intersection::Smoothstep)),
         _ => {}
     }
@@ -125,7 +126,7 @@ pub fn method(name: &str) -> Result<Method> {
     match order {
         Some(order) => Ok(Method::Sh { order, window }),
         None => bail!(
-            "there is no method '{name}'; there are bent, aperture, aperture-smooth, sh, sh1 to sh10, and -lanczos after sh"
+            "there is no method '{name}'; there are bent, aperture, aperture-smooth, haar, sh, sh1 to sh10, and -lanczos after sh"
         ),
     }
 }
@@ -135,6 +136,8 @@ fn best_method(asset: &Asset) -> Option<Method> {
     let has = |name| asset.tensor(name).is_some();
     if asset.metadata.shells.len() > 1 {
         None
+    } else if has("sky.direct.start") {
+        Some(Method::Haar)
     } else if has("sky.direct.sh") {
         Some(Method::default())
     } else if has("sky.aperture") {

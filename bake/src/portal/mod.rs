@@ -13,25 +13,21 @@ mod gate;
 mod orient;
 mod outside;
 
-use std::borrow::Cow;
 use std::sync::atomic::AtomicU64;
 
-use lunette_relight::asset::{Asset, Data, Shell};
-use lunette_relight::cubemap::{RESOLUTIONS, ShTable};
-use lunette_relight::indirect::N_NEAR;
-use lunette_relight::sparse::{self, Encoder, Encoding, RowStore};
+use lunette_relight::asset::{Asset, Shell};
+use lunette_relight::cubemap::ShTable;
 use lunette_scenes::{Portal, Scene};
-use rayon::prelude::*;
 
-use crate::carrier::{CarrierOptions, Lie, carrier};
+use crate::carrier::{Lie, carrier};
 use crate::energy::{self, BandEnergy};
 use crate::fill::{self, Donors};
 use crate::gather::{Arriving, Pass, bounced, buried};
 use crate::photon::{self, Emission};
-use crate::rows::{Aim, Opening, Row};
+use crate::rows::{self, Aim, Opening, Row, Stage};
 use crate::sampling::{HemisphereSets, hash};
 use crate::smooth::{self, Smoother};
-use crate::{Error, Options, Progress, Surface, mesh_asset};
+use crate::{Basis, Error, Options, Progress, Surface, mesh_asset};
 pub use gate::Gates;
 pub(crate) use orient::inwards;
 
@@ -47,25 +43,16 @@ pub enum Start {
 /// What portals need beyond [`Options`].
 #[derive(Clone, Copy, Debug)]
 pub struct PortalOptions {
-    /// Texels on a side of a cubemap's face, 8, 16, 32 or 64.
-    pub resolution: usize,
     /// Bounced SH light.
     pub start: Start,
     /// Share of the light's greatest possible energy at which `--order auto` stops, 0..=1; none keeps
     /// [`Options::indirect_order`].
     pub energy_share: Option<f64>,
-    /// Direct-to-indirect transport: most patches and rank; none leaves it out.
-    pub carrier: Option<(usize, usize)>,
 }
 
 impl Default for PortalOptions {
     fn default() -> Self {
-        PortalOptions {
-            resolution: 32,
-            start: Start::Gathering,
-            energy_share: None,
-            carrier: Some((2048, 128)),
-        }
+        PortalOptions { start: Start::Gathering, energy_share: None }
     }
 }
 
@@ -77,9 +64,6 @@ pub struct PortalReport {
     /// Energy of each SH band of bounced light, over all portals.
     pub energy: Vec<BandEnergy>,
 }
-
-/// Vertices encoded at a time.
-const BLOCK: usize = 1024;
 
 /// Rays by which a vertex is judged buried.
 const BURIAL_RAYS: usize = 64;
@@ -96,7 +80,7 @@ pub fn bake_portals(
     progress: &dyn Progress,
 ) -> Result<(Asset<'static>, PortalReport), Error> {
     options.check()?;
-    check(portals, portal_options)?;
+    check(portals)?;
     if scene.mesh.index.is_empty() {
         return Err(Error::EmptyScene);
     }
@@ -131,17 +115,11 @@ pub fn bake_portals(
     })
 }
 
-fn check(portals: &[Portal], options: &PortalOptions) -> Result<(), Error> {
+fn check(portals: &[Portal]) -> Result<(), Error> {
     if portals.is_empty() {
         return Err(Error::Option {
             name: "portal",
             what: "there is no portal; name one or let `lunette portals` find some".into(),
-        });
-    }
-    if !RESOLUTIONS.contains(&options.resolution) {
-        return Err(Error::Option {
-            name: "resolution",
-            what: format!("{} is not 8, 16, 32 or 64", options.resolution),
         });
     }
     Ok(())
@@ -170,9 +148,8 @@ impl Work<'_> {
         let mut asset = mesh_asset(self.scene);
         asset.metadata.seed = self.options.seed;
         asset.metadata.options = self.options.describe();
-        asset.metadata.options.insert("resolution".into(), self.portal_options.resolution.into());
         let mut report = PortalReport::default();
-        let (order, mut rows_of_portals) = (self.options.indirect_order, Vec::new());
+        let mut rows_of_portals = Vec::new();
         let mut uniform = vec![0.0; self.scene.mesh.position.len()];
         for (k, portal) in self.portals.iter().enumerate() {
             asset.metadata.shells.push(Shell {
@@ -182,13 +159,18 @@ impl Work<'_> {
                 area: Some(portal.area()),
             });
             let direct_sh = self.direct(k, &mut asset, &mut report, &mut uniform)?;
-            if self.options.bounces > 0 && order > 0 {
+            if self.has_sh() {
                 rows_of_portals.push(self.bounced(k, &direct_sh)?);
             }
         }
         self.insert_bounced(&mut asset, &rows_of_portals, &mut report);
         self.insert_carrier(&mut asset, &uniform)?;
         Ok((asset, report))
+    }
+
+    /// Whether bounced light is baked as SH.
+    fn has_sh(&self) -> bool {
+        self.options.bounces > 0 && self.options.has(Basis::Sh)
     }
 
     /// Encodes the rows of portal `k`; gives their SH transfer, \[V, m²\], and adds the irradiance under a sky of
@@ -200,9 +182,9 @@ impl Work<'_> {
         report: &mut PortalReport,
         uniform: &mut [f32],
     ) -> Result<Vec<f32>, Error> {
-        let n = self.portal_options.resolution;
+        let n = self.options.resolution;
         let n_vertices = self.scene.mesh.position.len();
-        let order = if self.options.bounces > 0 { self.options.indirect_order } else { 0 };
+        let order = if self.has_sh() { self.options.indirect_order } else { 0 };
         let polygons = self.portals[k].convex_polygons();
         let aim = |opening| Aim {
             surface: self.surface,
@@ -216,44 +198,25 @@ impl Work<'_> {
         let table = ShTable::new(n, order.max(1));
         let source = self.donors.sources(n_vertices);
         let mut direct_sh = vec![0.0; n_vertices * order * order];
-        let mut store = RowStore::default();
-        let mut worst = 0.0f32;
-        let width = (order * order).max(1);
-        for first in (0..n_vertices).step_by(BLOCK) {
-            if self.progress.cancelled() {
-                return Err(Error::Cancelled);
+        let stage = format!("portal {}", self.portals[k].name);
+        let stage = Stage { name: &stage, rays: self.options.rays, progress: self.progress };
+        let compute = |v: usize, [row, open]: &mut [Row; 2]| {
+            let mut sh = vec![0.0; order * order];
+            if self.unlit[v] {
+                return (sh, 0.0);
             }
-            let block: Vec<usize> = (first..n_vertices.min(first + BLOCK)).collect();
-            let encoded: Vec<(sparse::Row, Vec<f32>, f32)> = block
-                .par_iter()
-                .map_init(
-                    || ([Row::new(n), Row::new(n)], Encoder::new(n, Encoding::default())),
-                    |([row, open], encoder), &v| {
-                        if self.unlit[v] {
-                            return Default::default();
-                        }
-                        through.row(v, source[v], row);
-                        if self.owners[source[v]] == k as u32 {
-                            outside.row(v, source[v], open);
-                            row.add(open);
-                        }
-                        let mut sh = vec![0.0; order * order];
-                        table.transfer(row.lit(), &mut sh);
-                        (encoder.encode(&row.dense), sh, row.lit().map(|(_, value)| value).sum())
-                    },
-                )
-                .collect();
-            for (v, (row, sh, sum)) in block.iter().zip(encoded) {
-                uniform[*v] += sum;
-                store.push(&row);
-                worst = worst.max(row.error);
-                if order > 0 && !sh.is_empty() {
-                    direct_sh[v * width..][..width].copy_from_slice(&sh);
-                }
+            through.row(v, source[v], row);
+            if self.owners[source[v]] == k as u32 {
+                outside.row(v, source[v], open);
+                row.add(open);
             }
-            let stage = format!("portal {}", self.portals[k].name);
-            self.progress.report(&stage, (first + block.len()) as u64, n_vertices as u64);
-        }
+            table.transfer(row.lit(), &mut sh);
+            (sh, row.lit().map(|(_, value)| value).sum::<f32>())
+        };
+        let (store, worst) = rows::encode(n, n_vertices, &stage, compute, |v, (sh, sum)| {
+            uniform[v] += sum;
+            direct_sh[v * sh.len()..][..sh.len()].copy_from_slice(&sh);
+        })?;
         report.lines.push(format!(
             "portal {}: {:.2} m², {} bytes of direct light per vertex ({} % of rows in Haar wavelets), at most {:.1} % of a row lost",
             self.portals[k].name,
@@ -273,7 +236,8 @@ impl Work<'_> {
         let width = 3 * m * m;
         let n_vertices = self.scene.mesh.position.len();
         // A path that goes on from an outer surface brings the sky's light straight.
-        let is_outer = |t: u32| self.scene.mesh.index[t as usize].iter().any(|&v| self.owners[v as usize] == k as u32);
+        let is_outer =
+            |t: u32| self.scene.mesh.index[t as usize].iter().any(|&v| self.owners[v as usize] == k as u32);
         let escapes = |triangle, origin, d| match self.gates.first(origin, d) {
             Some(portal) => portal == k as u32,
             None => is_outer(triangle),
@@ -303,7 +267,13 @@ impl Work<'_> {
                 total,
                 done: &done,
             };
-            let light = Arriving { last: &last, before_last: &before_last, many: None, escapes: &escapes, unlit: &self.unlit };
+            let light = Arriving {
+                last: &last,
+                before_last: &before_last,
+                many: None,
+                escapes: &escapes,
+                unlit: &self.unlit,
+            };
             bounced(&pass, &light, &mut rows, self.progress)?;
             self.donors.fill(&mut rows, width);
             if b < passes {
@@ -369,20 +339,11 @@ impl Work<'_> {
     }
 
     fn insert_carrier(&self, asset: &mut Asset<'static>, uniform: &[f32]) -> Result<(), Error> {
-        let Some((patches, rank)) = self.portal_options.carrier.filter(|_| self.options.bounces > 0) else {
+        if self.options.bounces == 0 || !self.options.has(Basis::DirectToIndirect) {
             return Ok(());
-        };
-        let rays = (self.options.rays / 2).max(256);
-        let options =
-            CarrierOptions { patches, rank, rays, bounces: self.options.bounces, seed: self.options.seed };
+        }
         let lie = Lie { buried: &self.buried, unlit: &self.unlit, uniform, smoother: &self.smoother };
-        let c = carrier(self.scene, self.surface, &options, &lie, self.progress)?;
-        let rows = c.gather.len() / c.rank;
-        asset.insert("indirect.patch", &[c.patch.len()], Data::U16(Cow::Owned(c.patch)));
-        asset.insert("indirect.spread", &[c.n_patches, c.rank, 3], Data::F32(Cow::Owned(c.spread)));
-        asset.insert_scaled("indirect.gather", &[rows, c.rank], &c.gather);
-        asset.insert("indirect.near.patch", &[rows, N_NEAR], Data::U16(Cow::Owned(c.near_patch)));
-        asset.insert_scaled("indirect.near.share", &[rows, N_NEAR], &c.near_share);
+        carrier(self.scene, self.surface, self.options, &lie, self.progress)?.insert_into(asset);
         Ok(())
     }
 }

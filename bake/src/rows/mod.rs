@@ -18,6 +18,7 @@
 //! samples its own part of the portal, which has less variance than either.
 
 mod footprint;
+mod store;
 
 use glam::{Vec2, Vec3};
 use lunette_ffi as ffi;
@@ -26,6 +27,7 @@ use crate::Surface;
 use crate::portal::Gates;
 use crate::sampling::{LANES, fractions, hash};
 use footprint::{Cell, Eye, Footprint};
+pub use store::{Stage, encode};
 
 /// Rays of a vertex, in the mean, that look for what is in the way.
 const FIRST: usize = 256;
@@ -106,7 +108,8 @@ impl Row {
         }
     }
 
-    fn clear(&mut self) {
+    /// Makes it dark.
+    pub fn clear(&mut self) {
         self.texels.iter().for_each(|&t| self.dense[t] = 0.0);
         for cell in &self.footprint.cells {
             self.state[cell.texel] = 0;

@@ -97,8 +97,13 @@ fn sparse_rows(asset: &Asset) -> Result<(), Error> {
 
 /// Patches and their matrices go together; rows are those of the vertices and of the patches.
 fn patches(asset: &Asset) -> Result<(), Error> {
-    let names =
-        ["indirect.patch", "indirect.spread", "indirect.gather", "indirect.near.patch", "indirect.near.share"];
+    let names = [
+        "indirect.patch",
+        "indirect.spread",
+        "indirect.gather",
+        "indirect.near.patch",
+        "indirect.near.share",
+    ];
     let found = names.map(|name| asset.tensor(name));
     let [Some(patch), Some(spread), Some(gather), Some(near), Some(share)] = found else {
         return match names.iter().zip(found).find(|(_, tensor)| tensor.is_none()) {
@@ -108,7 +113,9 @@ fn patches(asset: &Asset) -> Result<(), Error> {
     };
     let (n_patches, k) = (spread.shape[0], spread.shape[1]);
     let rows = patch.shape[0] + n_patches;
-    for (name, tensor, columns) in [(names[2], gather, k), (names[3], near, N_NEAR), (names[4], share, N_NEAR)] {
+    for (name, tensor, columns) in
+        [(names[2], gather, k), (names[3], near, N_NEAR), (names[4], share, N_NEAR)]
+    {
         if tensor.shape != [rows, columns] {
             return Err(wrong(name, &format!("shape {:?} instead of [{rows}, {columns}]", tensor.shape)));
         }

@@ -53,7 +53,8 @@ fn naive(asset: &Asset, direct: &[[f32; 3]]) -> Vec<[f64; 3]> {
             r[p] += area[i] * f64::from(asset.albedo()[i][c]) * f64::from(direct[i][c]);
             total[p] += area[i];
         }
-        let z = |j: usize| (0..2).map(|p| f64::from(spread[(p * k + j) * 3 + c]) * r[p] / total[p]).sum::<f64>();
+        let z =
+            |j: usize| (0..2).map(|p| f64::from(spread[(p * k + j) * 3 + c]) * r[p] / total[p]).sum::<f64>();
         let far = |row: usize| -> f64 {
             (0..k).map(|j| f64::from(gather[row * k + j].to_f32() * scale) * z(j)).sum()
         };

@@ -1,0 +1,57 @@
+//! Rows of all vertices, block by block, so that memory grows with vertices and not with vertices times texels.
+
+use lunette_relight::sparse::{self, Encoder, Encoding, RowStore};
+use rayon::prelude::*;
+
+use super::Row;
+use crate::{Error, Progress};
+
+/// Vertices encoded at a time.
+const BLOCK: usize = 1024;
+
+/// What progress is told.
+pub struct Stage<'a> {
+    pub name: &'a str,
+    /// Rays per vertex, about.
+    pub rays: usize,
+    pub progress: &'a dyn Progress,
+}
+
+/// Encodes the rows of `n_vertices` on cubemaps of side `n`; gives them, and the greatest share of a row that was lost.
+/// `compute` fills the first row of two, given cleared; the second is its scratch. What it says of a vertex goes to
+/// `take`, in order.
+pub fn encode<T: Send>(
+    n: usize,
+    n_vertices: usize,
+    stage: &Stage,
+    compute: impl Fn(usize, &mut [Row; 2]) -> T + Sync,
+    mut take: impl FnMut(usize, T),
+) -> Result<(RowStore, f32), Error> {
+    let mut store = RowStore::default();
+    let mut worst = 0.0f32;
+    for first in (0..n_vertices).step_by(BLOCK) {
+        if stage.progress.cancelled() {
+            return Err(Error::Cancelled);
+        }
+        let end = n_vertices.min(first + BLOCK);
+        let encoded: Vec<(sparse::Row, T)> = (first..end)
+            .into_par_iter()
+            .map_init(
+                || ([Row::new(n), Row::new(n)], Encoder::new(n, Encoding::default())),
+                |(rows, encoder), v| {
+                    rows[0].clear();
+                    let said = compute(v, rows);
+                    (encoder.encode(&rows[0].dense), said)
+                },
+            )
+            .collect();
+        for (v, (row, said)) in (first..end).zip(encoded) {
+            store.push(&row);
+            worst = worst.max(row.error);
+            take(v, said);
+        }
+        let rays = stage.rays as u64;
+        stage.progress.report(stage.name, end as u64 * rays, n_vertices as u64 * rays);
+    }
+    Ok((store, worst))
+}
