@@ -17,18 +17,12 @@ pub struct BandEnergy {
 /// Power iteration stops after this many steps; eigenvalues closer than a percent are as good as each other.
 const STEPS: usize = 60;
 
-/// Energies of the bands of several portals together; rows are \[V, 3 m²\].
-pub fn bands(portals: &[Vec<f32>], m: usize) -> Vec<BandEnergy> {
-    let mut out = vec![BandEnergy { greatest: [0.0; 3] }; if portals.is_empty() { 0 } else { m }];
-    for rows in portals {
-        for (l, band) in out.iter_mut().enumerate() {
-            for c in 0..3 {
-                let from = c * m * m + l * l;
-                band.greatest[c] += greatest(rows, 3 * m * m, from, 2 * l + 1);
-            }
-        }
-    }
-    out
+/// Energies of the bands of rows \[V, 3 m²\].
+pub fn bands(rows: &[f32], m: usize) -> Vec<BandEnergy> {
+    let band = |l: usize| BandEnergy {
+        greatest: [0, 1, 2].map(|c| greatest(rows, 3 * m * m, c * m * m + l * l, 2 * l + 1)),
+    };
+    (0..m).map(band).collect()
 }
 
 fn greatest(rows: &[f32], width: usize, from: usize, size: usize) -> f64 {
@@ -83,7 +77,7 @@ mod tests {
         let mut rows = vec![0.0f32; 2 * 12];
         rows[4 + 2] = 3.0;
         rows[12 + 4 + 2] = 1.0;
-        let bands = bands(&[rows], 2);
+        let bands = bands(&rows, 2);
         assert!((bands[1].greatest[1] - 5.0).abs() < 1e-9);
         assert_eq!(bands[0].greatest, [0.0; 3]);
         assert_eq!(order_for(&bands, 0.95), 2);

@@ -24,7 +24,6 @@ mod surface;
 use lunette_relight::asset::Asset;
 use lunette_scenes::Scene;
 
-pub use energy::{BandEnergy, cumulative};
 pub use error::Error;
 pub use options::{Basis, Options};
 pub use portal::{Gates, PortalOptions, PortalReport, Start, bake_portals};

@@ -79,12 +79,30 @@ pub struct SceneOptions {
     pub subdivide: Option<f32>,
 }
 
+/// A number of SH bands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bands {
+    Auto,
+    Fixed(usize),
+}
+
+impl std::str::FromStr for Bands {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Bands, String> {
+        match text {
+            "auto" => Ok(Bands::Auto),
+            _ => text.parse().map(Bands::Fixed).map_err(|_| "give a number from 1 to 10, or auto".into()),
+        }
+    }
+}
+
 /// How much work goes into a bake.
 #[derive(Args)]
 pub struct Effort {
-    /// SH bands of direct light, 1 to 10
-    #[arg(long, default_value_t = 5, allow_negative_numbers = true)]
-    pub order: usize,
+    /// SH bands of direct light, 1 to 10; with portals, of bounced light, and `auto` takes as many as hold --energy
+    #[arg(long, default_value = "5", allow_negative_numbers = true)]
+    pub order: Bands,
     /// SH bands of bounced light, 1 to 10 [default: as --order]
     #[arg(long, allow_negative_numbers = true)]
     pub indirect_order: Option<usize>,
@@ -158,9 +176,9 @@ pub struct PortalChoice {
     /// Start bounced SH light from this many photons per portal, instead of gathering it from the direct light
     #[arg(long, value_name = "N")]
     pub photons: Option<u64>,
-    /// Choose the bands of bounced SH light that hold this percentage of its energy
-    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
-    pub energy: Option<f64>,
+    /// Share of the energy of bounced SH light that --order auto holds, percent
+    #[arg(long, value_name = "PERCENT", default_value_t = 95.0, allow_negative_numbers = true)]
+    pub energy: f64,
 }
 
 /// What shines.

@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Result, anyhow};
+use anyhow::{Result, anyhow, ensure};
 use lunette_bake::{Basis, Options, PortalOptions};
 use lunette_relight::asset::Asset;
+use lunette_relight::sh::MAX_ORDER;
 use lunette_scenes::{Portal, Scene};
 
-use crate::args::{self, Effort};
+use crate::args::{self, Bands, Effort};
 use crate::output;
 use crate::progress::{Bar, say};
 use crate::{portals, scene};
@@ -20,12 +21,16 @@ pub fn run(arguments: &args::Bake) -> Result<()> {
     options.check().map_err(|e| anyhow!("{e}"))?;
     let path = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
     output::check_folder(&path)?;
-    let portal_options = portals::options(&arguments.portals)?;
+    let portal_options = portals::options(&arguments.portals, arguments.effort.order)?;
     let mut scene = scene::load(&arguments.scene, &arguments.read)?;
     let portals = portals::take(&mut scene, &arguments.scene, &arguments.portals.openings)?;
     if asked.is_empty() && !portals.is_empty() {
         options.basis = vec![Basis::Haar, Basis::Sh, Basis::DirectToIndirect];
     }
+    ensure!(
+        !portals.is_empty() || arguments.effort.order != Bands::Auto,
+        "--order: auto chooses the bands of light that bounces behind portals; under the open sky give a number"
+    );
     let started = Instant::now();
     let asset = if portals.is_empty() {
         bake(&scene, &arguments.scene, &options)?
@@ -65,11 +70,6 @@ pub fn bake_portals(
         .map_err(|e| anyhow!("{e}"))?;
     drop(bar);
     report.lines.iter().for_each(|line| say(line));
-    if !report.energy.is_empty() {
-        let shares = lunette_bake::cumulative(&report.energy);
-        let shares: Vec<String> = shares.iter().map(|s| format!("{:.1}", 100.0 * s)).collect();
-        say(&format!("bounced light: % of the energy in the first 1, 2, ... SH bands: {}", shares.join(" ")));
-    }
     asset.metadata.scene = short_name(name);
     Ok(asset)
 }
@@ -80,10 +80,15 @@ fn short_name(name: &str) -> String {
 
 /// Options of a bake from the command line; no basis means the sky's default.
 pub fn options(basis: Vec<Basis>, effort: &Effort) -> Options {
+    // Portals choose fewer bands by their energy.
+    let order = match effort.order {
+        Bands::Fixed(order) => order,
+        Bands::Auto => MAX_ORDER,
+    };
     Options {
         basis: if basis.is_empty() { Options::default().basis } else { basis },
-        order: effort.order,
-        indirect_order: effort.indirect_order.unwrap_or(effort.order),
+        order,
+        indirect_order: effort.indirect_order.unwrap_or(order),
         rays: effort.rays,
         bounces: effort.bounces,
         resolution: effort.resolution,

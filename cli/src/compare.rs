@@ -26,8 +26,8 @@ enum Candidate {
     Sky(Method),
     /// Portals, bounced light as both carriers, chosen by the light.
     Portal,
-    /// Portals, bounced light as SH of this order.
-    PortalSh(usize),
+    /// Portals, bounced light as SH of this order, or of the one that holds enough of the energy.
+    PortalSh(Option<usize>),
     /// Portals, bounced light from direct light.
     PortalDirectToIndirect,
 }
@@ -36,7 +36,7 @@ enum Candidate {
 pub fn run(arguments: &args::Compare) -> Result<()> {
     let effort = bake::options(vec![Basis::Sh], &arguments.effort);
     effort.check().map_err(|e| anyhow!("{e}"))?;
-    let portal_options = portals::options(&arguments.portals)?;
+    let portal_options = portals::options(&arguments.portals, arguments.effort.order)?;
     let samples = render::options(arguments.samples, effort.bounces as u32, 1)?;
     render::options(arguments.picture_samples, 0, 1).context("--picture-samples")?;
     ensure!(arguments.every > 0, "--every: 0 is no step; give 1 or more");
@@ -132,9 +132,10 @@ fn candidate(name: &str) -> Result<Candidate> {
     match (portal, portal.strip_prefix("-sh").and_then(order)) {
         ("", _) => Ok(Candidate::Portal),
         ("-d2i", _) => Ok(Candidate::PortalDirectToIndirect),
-        (_, Some(order)) => Ok(Candidate::PortalSh(order)),
+        (_, Some(order)) => Ok(Candidate::PortalSh(Some(order))),
+        ("-sh", _) => Ok(Candidate::PortalSh(None)),
         _ => anyhow::bail!(
-            "there is no method '{name}'; with portals there are portal, portal-sh1 to portal-sh10, portal-d2i"
+            "there is no method '{name}'; with portals there are portal, portal-sh (as --order says), portal-sh1 to portal-sh10, portal-d2i"
         ),
     }
 }
@@ -165,13 +166,19 @@ impl Work<'_> {
         let inside = |order: usize, carried: &[Basis]| {
             let basis = [&[Basis::Haar], carried].concat();
             let options = Options { basis, order: 10, indirect_order: order, ..self.effort.clone() };
-            bake::bake_portals(self.scene, self.portals, "", &options, self.portal_options)
+            let energy_share = match candidate {
+                Candidate::PortalSh(Some(_)) => None,
+                _ => self.portal_options.energy_share,
+            };
+            let portal_options = PortalOptions { energy_share, ..*self.portal_options };
+            bake::bake_portals(self.scene, self.portals, "", &options, &portal_options)
         };
         let order = self.effort.indirect_order;
         match candidate {
             Candidate::Sky(method) => bake::bake(self.scene, "", &options_of(method, self.effort)),
             Candidate::Portal => inside(order, &[Basis::Sh, Basis::DirectToIndirect]),
-            Candidate::PortalSh(order) => inside(order, &[Basis::Sh]),
+            Candidate::PortalSh(Some(order)) => inside(order, &[Basis::Sh]),
+            Candidate::PortalSh(None) => inside(10, &[Basis::Sh]),
             Candidate::PortalDirectToIndirect => inside(order, &[Basis::DirectToIndirect]),
         }
     }

@@ -29,17 +29,15 @@ pub fn take(scene: &mut Scene, name: &str, options: &args::Openings) -> Result<V
 }
 
 /// Options of a portal bake from the command line.
-pub fn options(choice: &args::PortalChoice) -> Result<PortalOptions> {
-    let share = match choice.energy {
-        Some(percent) => {
-            ensure!((1.0..=100.0).contains(&percent), "--energy: {percent} is not in 1..=100 percent");
-            Some(percent / 100.0)
-        }
-        None => None,
-    };
+pub fn options(choice: &args::PortalChoice, order: args::Bands) -> Result<PortalOptions> {
+    let percent = choice.energy;
+    ensure!((1.0..=100.0).contains(&percent), "--energy: {percent} is not in 1..=100 percent");
     ensure!(
         choice.photons.is_none_or(|n| (1000..=10_000_000_000).contains(&n)),
         "--photons: a number in 1000..=10000000000 is needed"
     );
-    Ok(PortalOptions { start: choice.photons.map_or(Start::Gathering, Start::Photons), energy_share: share })
+    Ok(PortalOptions {
+        start: choice.photons.map_or(Start::Gathering, Start::Photons),
+        energy_share: (order == args::Bands::Auto).then_some(percent / 100.0),
+    })
 }

@@ -68,8 +68,9 @@ pub fn surface<'a>(scene: &'a Scene, albedo: &'a [Vec3]) -> Surface<'a> {
 /// The path tracer of a surface; it aims at the portals, if there are any.
 pub fn tracer<'a>(surface: Surface<'a>, portals: &[Portal]) -> Result<Tracer<'a>> {
     let panes: Vec<[Vec3; 3]> = portals.iter().flat_map(|p| p.triangles.iter().copied()).collect();
+    let tint: Vec<Vec3> = portals.iter().flat_map(|p| vec![p.transmission; p.triangles.len()]).collect();
     let tracer = Tracer::new(surface).map_err(|e| anyhow!("{e}"))?;
-    if panes.is_empty() { Ok(tracer) } else { tracer.with_portals(&panes).map_err(|e| anyhow!("{e}")) }
+    if panes.is_empty() { Ok(tracer) } else { tracer.with_glass(&panes, &tint).map_err(|e| anyhow!("{e}")) }
 }
 
 /// The reference at every vertex, with a progress bar.

@@ -84,7 +84,7 @@ struct Bounced<'a> {
 }
 
 impl<'a> PortalFrame<'a> {
-    /// Opens all portals of an asset: all dark, glass clear, bounced light by SH where that is baked, else from
+    /// Opens all portals of an asset: all dark, glass as it was modelled, bounced light by SH where that is baked, else from
     /// direct light where that is.
     ///
     /// # Errors
@@ -121,7 +121,7 @@ impl<'a> PortalFrame<'a> {
             light: SparseLight::new(n),
             lit: Lit::Dark,
             bounced,
-            material: Material::CLEAR,
+            material: Material { tint: shell.and_then(|s| s.tint).unwrap_or([1.0; 3]), ..Material::CLEAR },
             blur: None,
             texels: dark.clone(),
             captured: dark,

@@ -113,7 +113,26 @@ impl<'a> Tracer<'a> {
                 format!("triangle {t} of the portals has a corner that is not finite: {:?}", triangles[t]);
             return Err(Error::Surface { what });
         }
-        Ok(Tracer { panes: Panes::new(triangles), ..self })
+        self.with_glass(triangles, &vec![Vec3::ONE; triangles.len()])
+    }
+
+    /// As [`with_portals`](Tracer::with_portals), and each triangle lets through a share of the light, per colour.
+    ///
+    /// # Errors
+    /// As there, and for a share that is not finite and 0 or more, or not one share per triangle.
+    pub fn with_glass(self, triangles: &[[Vec3; 3]], transmission: &[Vec3]) -> Result<Tracer<'a>, Error> {
+        let wrong = |t: &Vec3| !t.is_finite() || t.min_element() < 0.0;
+        if transmission.len() != triangles.len() || transmission.iter().any(wrong) {
+            let what =
+                format!("{} portal triangles need as many shares of light, 0 or more", triangles.len());
+            return Err(Error::Surface { what });
+        }
+        Ok(Tracer { panes: Panes::new(triangles, transmission), ..self })
+    }
+
+    /// What panes on the way let through.
+    pub(crate) fn transmission(&self, origin: Vec3, direction: Vec3, distance: f32) -> Vec3 {
+        self.panes.as_ref().map_or(Vec3::ONE, |panes| panes.transmission(origin, direction, distance))
     }
 
     /// What it was made of.

@@ -15,6 +15,7 @@ mod outside;
 
 use std::sync::atomic::AtomicU64;
 
+use glam::Vec3;
 use lunette_relight::asset::{Asset, Shell};
 use lunette_relight::cubemap::ShTable;
 use lunette_scenes::{Portal, Scene};
@@ -59,10 +60,8 @@ impl Default for PortalOptions {
 /// What a portal bake found out, for the user.
 #[derive(Clone, Debug, Default)]
 pub struct PortalReport {
-    /// Per portal: bytes of direct rows, vertices by area sampling, share of light lost to quantisation.
+    /// Per portal: bytes of direct rows, the share lost to quantisation, the energy of the SH bands.
     pub lines: Vec<String>,
-    /// Energy of each SH band of bounced light, over all portals.
-    pub energy: Vec<BandEnergy>,
 }
 
 /// Rays by which a vertex is judged buried.
@@ -149,7 +148,6 @@ impl Work<'_> {
         asset.metadata.seed = self.options.seed;
         asset.metadata.options = self.options.describe();
         let mut report = PortalReport::default();
-        let mut rows_of_portals = Vec::new();
         let mut uniform = vec![0.0; self.scene.mesh.position.len()];
         for (k, portal) in self.portals.iter().enumerate() {
             asset.metadata.shells.push(Shell {
@@ -157,15 +155,45 @@ impl Work<'_> {
                 centre: Some(portal.centre().to_array()),
                 normal: Some(portal.normal.to_array()),
                 area: Some(portal.area()),
+                tint: (portal.transmission != Vec3::ONE).then(|| portal.transmission.to_array()),
             });
             let direct_sh = self.direct(k, &mut asset, &mut report, &mut uniform)?;
-            if self.has_sh() {
-                rows_of_portals.push(self.bounced(k, &direct_sh)?);
+            if !self.has_sh() {
+                continue;
             }
+            let order = self.choose_order(k, &direct_sh, &mut report)?;
+            let direct_sh = truncated(direct_sh, self.options.indirect_order, order);
+            let rows = self.bounced(k, order, &direct_sh)?;
+            if self.portal_options.energy_share.is_none() {
+                report.lines.push(energy_line(&portal.name, &energy::bands(&rows, order)));
+            }
+            let n_vertices = self.scene.mesh.position.len();
+            let name = format!("portal.{k}.indirect.sh");
+            asset.insert_scaled(&name, &[n_vertices, order * order, 3], &interleaved(&rows, order * order));
         }
-        self.insert_bounced(&mut asset, &rows_of_portals, &mut report);
         self.insert_carrier(&mut asset, &uniform)?;
         Ok((asset, report))
+    }
+
+    /// The bands that hold the share of the energy asked for, by the first bounce at a few vertices: later bounces
+    /// carry less of the high bands.
+    fn choose_order(&self, k: usize, direct_sh: &[f32], report: &mut PortalReport) -> Result<usize, Error> {
+        let most = self.options.indirect_order;
+        let Some(share) = self.portal_options.energy_share else { return Ok(most) };
+        let n_lit = self.unlit.iter().filter(|u| !**u).count();
+        let every = n_lit.div_ceil(PROBED).max(1);
+        let mut skip = vec![true; self.unlit.len()];
+        (0..skip.len()).filter(|&v| !self.unlit[v]).step_by(every).for_each(|v| skip[v] = false);
+        let rows = self.gather(k, most, 1, direct_sh, &skip)?;
+        let bands = energy::bands(&rows, most);
+        let order = energy::order_for(&bands, share);
+        report.lines.push(energy_line(&self.portals[k].name, &bands));
+        report.lines.push(format!(
+            "portal {}: {order} bands hold {:.1} % of it",
+            self.portals[k].name,
+            100.0 * energy::cumulative(&bands)[order - 1]
+        ));
+        Ok(order)
     }
 
     /// Whether bounced light is baked as SH.
@@ -231,75 +259,93 @@ impl Work<'_> {
     }
 
     /// Bounced light of portal `k`, \[V, 3 m²\], red, green, blue.
-    fn bounced(&self, k: usize, direct_sh: &[f32]) -> Result<Vec<f32>, Error> {
-        let m = self.options.indirect_order;
-        let width = 3 * m * m;
-        let n_vertices = self.scene.mesh.position.len();
+    fn bounced(&self, k: usize, m: usize, direct_sh: &[f32]) -> Result<Vec<f32>, Error> {
+        let mut rows = match self.portal_options.start {
+            Start::Gathering => self.gather(k, m, self.options.bounces, direct_sh, &self.unlit)?,
+            Start::Photons(count) => {
+                let all = self.photons(k, m, count)?;
+                let before_last = if self.options.bounces > 1 { &all[..] } else { &[] };
+                self.pass(k, m, (1, 1), (&all, before_last), &self.unlit)?
+            }
+        };
+        self.smoother.apply(&mut rows, 3 * m * m);
+        Ok(rows)
+    }
+
+    /// As [`Work::bounced`], iterated from the direct light at the vertices.
+    fn gather(
+        &self,
+        k: usize,
+        m: usize,
+        bounces: usize,
+        direct_sh: &[f32],
+        skip: &[bool],
+    ) -> Result<Vec<f32>, Error> {
+        let mut last: Vec<f32> =
+            direct_sh.chunks_exact(m * m).flat_map(|row| [row, row, row].concat()).collect();
+        let mut before_last = Vec::new();
+        for b in 1..=bounces {
+            let rows = self.pass(k, m, (b, bounces), (&last, &before_last), skip)?;
+            if b == bounces {
+                return Ok(rows);
+            }
+            let mut next = rows;
+            for (row, direct) in next.chunks_exact_mut(3 * m * m).zip(direct_sh.chunks_exact(m * m)) {
+                for plane in row.chunks_exact_mut(m * m) {
+                    plane.iter_mut().zip(direct).for_each(|(a, d)| *a += d);
+                }
+            }
+            before_last = std::mem::replace(&mut last, next);
+        }
+        Ok(vec![0.0; last.len()])
+    }
+
+    /// What surfaces throw back of the light that arrives at them, `(last, before_last)` as for [`Arriving`]; pass b of
+    /// several.
+    fn pass(
+        &self,
+        k: usize,
+        m: usize,
+        (b, n_passes): (usize, usize),
+        (last, before_last): (&[f32], &[f32]),
+        skip: &[bool],
+    ) -> Result<Vec<f32>, Error> {
         // A path that goes on from an outer surface brings the sky's light straight.
-        let is_outer =
-            |t: u32| self.scene.mesh.index[t as usize].iter().any(|&v| self.owners[v as usize] == k as u32);
+        let corners = |t: u32| self.scene.mesh.index[t as usize];
+        let is_outer = |t: u32| corners(t).iter().any(|&v| self.owners[v as usize] == k as u32);
         let escapes = |triangle, origin, d| match self.gates.first(origin, d) {
             Some(portal) => portal == k as u32,
             None => is_outer(triangle),
         };
-        let mut rows = vec![0.0; n_vertices * width];
-        let mut last: Vec<f32> =
-            direct_sh.chunks_exact(m * m).flat_map(|row| [row, row, row].concat()).collect();
-        let passes = match self.portal_options.start {
-            Start::Gathering => self.options.bounces,
-            Start::Photons(count) => {
-                last = self.photons(k, count)?;
-                1
-            }
-        };
+        let n_vertices = self.scene.mesh.position.len();
         let rays = (self.options.rays / 4).max(128).next_multiple_of(16);
-        let (done, total) = (AtomicU64::new(0), (passes * n_vertices * rays) as u64);
-        let mut before_last = if passes == 1 && self.options.bounces > 1 { last.clone() } else { Vec::new() };
-        for b in 1..=passes {
-            let sets = HemisphereSets::new(rays, hash(self.options.seed, (b + 1000 * (k + 1)) as u64));
-            let stage = format!("bounce {b}");
-            let pass = Pass {
-                surface: self.surface,
-                sets: &sets,
-                order: m,
-                seed: hash(self.options.seed, b as u64),
-                stage: &stage,
-                total,
-                done: &done,
-            };
-            let light = Arriving {
-                last: &last,
-                before_last: &before_last,
-                many: None,
-                escapes: &escapes,
-                unlit: &self.unlit,
-            };
-            bounced(&pass, &light, &mut rows, self.progress)?;
-            self.donors.fill(&mut rows, width);
-            if b < passes {
-                let mut next = rows.clone();
-                for (row, direct) in next.chunks_exact_mut(width).zip(direct_sh.chunks_exact(m * m)) {
-                    for plane in row.chunks_exact_mut(m * m) {
-                        plane.iter_mut().zip(direct).for_each(|(a, d)| *a += d);
-                    }
-                }
-                before_last = std::mem::replace(&mut last, next);
-            }
-        }
-        self.smoother.apply(&mut rows, width);
+        let sets = HemisphereSets::new(rays, hash(self.options.seed, (b + 1000 * (k + 1)) as u64));
+        let pass = Pass {
+            surface: self.surface,
+            sets: &sets,
+            order: m,
+            seed: hash(self.options.seed, b as u64),
+            stage: &format!("bounce {b}"),
+            total: (n_passes * n_vertices * rays) as u64,
+            done: &AtomicU64::new(((b - 1) * n_vertices * rays) as u64),
+        };
+        let light = Arriving { last, before_last, many: None, escapes: &escapes, unlit: skip };
+        let mut rows = vec![0.0; n_vertices * 3 * m * m];
+        bounced(&pass, &light, &mut rows, self.progress)?;
+        self.donors.fill(&mut rows, 3 * m * m);
         Ok(rows)
     }
 
     /// All light at the vertices but the last bounce, by photons.
-    fn photons(&self, k: usize, count: u64) -> Result<Vec<f32>, Error> {
-        let m2 = self.options.indirect_order.pow(2);
+    fn photons(&self, k: usize, m: usize, count: u64) -> Result<Vec<f32>, Error> {
+        let m2 = m * m;
         let n_vertices = self.scene.mesh.position.len();
         let emission = Emission {
             surface: self.surface,
             gates: self.gates,
             portal: &self.portals[k],
             k: k as u32,
-            order: self.options.indirect_order,
+            order: m,
             hits: self.options.bounces,
             seed: self.options.seed,
         };
@@ -316,28 +362,6 @@ impl Work<'_> {
         Ok(rows)
     }
 
-    /// Measures the bands, chooses the order, and stores the rows.
-    fn insert_bounced(&self, asset: &mut Asset<'static>, portals: &[Vec<f32>], report: &mut PortalReport) {
-        let m = self.options.indirect_order;
-        report.energy = energy::bands(portals, m);
-        let order = match self.portal_options.energy_share {
-            Some(share) => energy::order_for(&report.energy, share),
-            None => m,
-        };
-        let n_vertices = self.scene.mesh.position.len();
-        for (k, rows) in portals.iter().enumerate() {
-            let interleaved: Vec<f32> = rows
-                .chunks_exact(3 * m * m)
-                .flat_map(|r| (0..order * order).flat_map(move |i| [r[i], r[m * m + i], r[2 * m * m + i]]))
-                .collect();
-            asset.insert_scaled(
-                &format!("portal.{k}.indirect.sh"),
-                &[n_vertices, order * order, 3],
-                &interleaved,
-            );
-        }
-    }
-
     fn insert_carrier(&self, asset: &mut Asset<'static>, uniform: &[f32]) -> Result<(), Error> {
         if self.options.bounces == 0 || !self.options.has(Basis::DirectToIndirect) {
             return Ok(());
@@ -346,4 +370,25 @@ impl Work<'_> {
         carrier(self.scene, self.surface, self.options, &lie, self.progress)?.insert_into(asset);
         Ok(())
     }
+}
+
+/// Vertices at which energy is probed.
+const PROBED: usize = 2048;
+
+/// Rows of n² values cut to m².
+fn truncated(rows: Vec<f32>, n: usize, m: usize) -> Vec<f32> {
+    if n == m { rows } else { rows.chunks_exact(n * n).flat_map(|r| r[..m * m].iter().copied()).collect() }
+}
+
+/// Rows of three planes of `n` values, value by value.
+fn interleaved(rows: &[f32], n: usize) -> Vec<f32> {
+    rows.chunks_exact(3 * n).flat_map(|r| (0..n).flat_map(move |i| [r[i], r[n + i], r[2 * n + i]])).collect()
+}
+
+fn energy_line(name: &str, bands: &[BandEnergy]) -> String {
+    let shares: Vec<String> = energy::cumulative(bands).iter().map(|s| format!("{:.1}", 100.0 * s)).collect();
+    format!(
+        "portal {name}: % of the energy of bounced light in the first 1, 2, ... SH bands: {}",
+        shares.join(" ")
+    )
 }

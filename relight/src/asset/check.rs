@@ -71,6 +71,13 @@ pub fn tensors(asset: &Asset) -> Result<(), Error> {
     if let Some((name, scale)) = asset.metadata.scale.iter().find(|(_, s)| !s.is_finite() || **s <= 0.0) {
         return Err(wrong(name, &format!("scale {scale} is not a positive number")));
     }
+    let is_light = |t: [f32; 3]| t.iter().all(|x| x.is_finite() && *x >= 0.0);
+    if let Some(shell) = asset.metadata.shells.iter().find(|s| s.tint.is_some_and(|t| !is_light(t))) {
+        return Err(wrong(
+            "shells",
+            &format!("{} lets through {:?}, not shares of light", shell.name, shell.tint),
+        ));
+    }
     sparse_rows(asset)?;
     patches(asset)?;
     match asset.triangles().as_flattened().iter().position(|&v| v as usize >= n_vertices) {

@@ -77,6 +77,9 @@ pub struct Shell {
     /// Area of a portal, m².
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub area: Option<f32>,
+    /// Share of the light that a portal's own glass lets through, per colour; all of it where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tint: Option<[f32; 3]>,
 }
 
 impl Metadata {

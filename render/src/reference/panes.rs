@@ -36,6 +36,7 @@ pub(crate) struct Panes {
     running_area: Vec<f32>,
     groups: Vec<Group>,
     nodes: Vec<Node>,
+    is_clear: bool,
 }
 
 struct Pane {
@@ -44,6 +45,8 @@ struct Pane {
     normal: Vec3,
     /// m².
     area: f32,
+    /// Share of light let through.
+    transmission: Vec3,
 }
 
 struct Group {
@@ -91,10 +94,12 @@ struct Shares {
 
 impl Panes {
     /// `None` where no triangle has an area.
-    pub fn new(triangles: &[[Vec3; 3]]) -> Option<Panes> {
-        let panes: Vec<Pane> = triangles.iter().filter_map(pane).collect();
+    pub fn new(triangles: &[[Vec3; 3]], transmission: &[Vec3]) -> Option<Panes> {
+        let panes: Vec<Pane> = triangles.iter().zip(transmission).filter_map(pane).collect();
         let n = panes.len();
-        let mut all = Panes { panes, running_area: Vec::new(), groups: Vec::new(), nodes: Vec::new() };
+        let is_clear = panes.iter().all(|p| p.transmission == Vec3::ONE);
+        let mut all =
+            Panes { panes, running_area: Vec::new(), groups: Vec::new(), nodes: Vec::new(), is_clear };
         if n > 0 {
             all.split(0, n, n.div_ceil(MAX_GROUPS / 2).max(SMALLEST_SPLIT), None);
         }
@@ -166,6 +171,28 @@ impl Panes {
         let side = x.sqrt();
         let [a, b] = panes[i].edges;
         (&panes[i], panes[i].corner + side * (1.0 - u.y) * a + side * u.y * b)
+    }
+
+    /// What the panes on a ray let through within a distance.
+    pub fn transmission(&self, origin: Vec3, d: Vec3, distance: f32) -> Vec3 {
+        let (mut through, mut i) = (Vec3::ONE, 0);
+        if self.is_clear {
+            return through;
+        }
+        let inverse = d.recip();
+        while let Some(node) = self.nodes.get(i) {
+            if !node.meets(origin, inverse) {
+                i = node.next;
+                continue;
+            }
+            for pane in &self.panes[node.first..node.end] {
+                if pane.crossing(origin, d).is_some_and(|crossing| crossing.t < distance) {
+                    through *= pane.transmission;
+                }
+            }
+            i += 1;
+        }
+        through
     }
 
     /// Sum over the panes on a ray of `P(group) / area of the group`, times t² / cos or 1 / cos.
@@ -294,10 +321,10 @@ impl Pane {
     }
 }
 
-fn pane(&[a, b, c]: &[Vec3; 3]) -> Option<Pane> {
+fn pane((&[a, b, c], &transmission): (&[Vec3; 3], &Vec3)) -> Option<Pane> {
     let cross = (b - a).cross(c - a);
     let normal = cross.try_normalize()?;
-    Some(Pane { corner: a, edges: [b - a, c - a], normal, area: 0.5 * cross.length() })
+    Some(Pane { corner: a, edges: [b - a, c - a], normal, area: 0.5 * cross.length(), transmission })
 }
 
 fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
@@ -340,7 +367,7 @@ mod tests {
     /// directions that have a density.
     #[test]
     fn panes_sample_the_density_they_claim() {
-        let panes = Panes::new(&windows()).unwrap();
+        let panes = Panes::new(&windows(), &vec![Vec3::ONE; windows().len()]).unwrap();
         for (origin, n) in [
             (Vec3::new(0.3, 0.0, 0.2), Vec3::Y),
             (Vec3::new(-0.5, 1.2, -2.9), Vec3::new(0.0, 0.6, 0.8)),
@@ -371,7 +398,7 @@ mod tests {
 
     #[test]
     fn groups_are_few_and_hold_every_pane_once() {
-        let panes = Panes::new(&windows()).unwrap();
+        let panes = Panes::new(&windows(), &vec![Vec3::ONE; windows().len()]).unwrap();
         assert!(panes.groups.len() <= MAX_GROUPS);
         let mut at = 0;
         for group in &panes.groups {
@@ -383,10 +410,10 @@ mod tests {
 
     #[test]
     fn panes_below_the_surface_are_not_aimed_at() {
-        let panes = Panes::new(&windows()).unwrap();
+        let panes = Panes::new(&windows(), &vec![Vec3::ONE; windows().len()]).unwrap();
         let view = panes.seen_from(Vec3::new(0.0, 5.0, 0.0), Vec3::Y);
         assert!(view.sample(Vec2::splat(0.5)).is_none());
         assert_eq!(view.pdf(Vec3::NEG_Y), 0.0);
-        assert!(Panes::new(&[[Vec3::ZERO; 3]]).is_none());
+        assert!(Panes::new(&[[Vec3::ZERO; 3]], &[Vec3::ONE]).is_none());
     }
 }

@@ -93,7 +93,8 @@ pub(crate) fn gather(world: &World, first: Place, draw: Draw) -> Gathered {
         }
 
         let Some(on) = on else { break };
-        throughput *= on.weight;
+        let way = on.contact.position.distance(place.origin);
+        throughput *= on.weight * world.tracer.transmission(place.origin, on.direction, way);
         let next = world.tracer.place(&on.contact, on.contact.geometric_normal, on.direction);
         if throughput == Vec3::ZERO || next.scatter.is_black() {
             break;
@@ -135,7 +136,8 @@ impl<'a> Spot<'a> {
         if self.arrival > 0.0 {
             density += self.arrival * cos * beam_density(self.world, self.place.origin, d);
         }
-        radiance * reflected * (cos / density)
+        let through = self.world.tracer.transmission(self.place.origin, d, f32::INFINITY);
+        radiance * through * reflected * (cos / density)
     }
 
     fn is_blocked(&self, d: Vec3) -> bool {
@@ -245,5 +247,7 @@ fn joined(spot: &Spot, panes: &Panes, entry: Vec3, d: Vec3) -> Option<Vec3> {
     let from_y = Spot { world, place: &y, arrival: 0.0, panes: Some(panes.seen_from(y.origin, n_y)) };
     let path_density = density_x * cos_y / square * from_y.density(d, lobe_y);
     let density = cos_light * beams + path_density;
-    Some(radiance * at_x * at_y * (cos_x * cos_y / square * cos_light / density))
+    let through = world.tracer.transmission(y.origin, d, f32::INFINITY)
+        * world.tracer.transmission(place.origin, way, square.sqrt());
+    Some(radiance * through * at_x * at_y * (cos_x * cos_y / square * cos_light / density))
 }
