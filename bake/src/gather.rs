@@ -26,6 +26,7 @@
 //! G. Ward et al., A Ray Tracing Solution for Diffuse Interreflection, 1988 (going on where a cache is too near).
 
 use std::f32::consts::PI;
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::Vec3;
@@ -58,7 +59,7 @@ pub fn direct_width(order: usize) -> usize {
 pub struct Pass<'a> {
     pub surface: &'a Surface<'a>,
     pub sets: &'a HemisphereSets,
-    /// SH bands.
+    /// SH bands of direct light.
     pub order: usize,
     pub seed: u64,
     /// For progress: its name, rays done before it and in all.
@@ -74,8 +75,11 @@ pub struct Many<'a> {
     pub ao: &'a [f32],
 }
 
-/// Transfer of the light that arrives at each vertex, red, green, blue: rows of 3 m². Empty means dark.
+/// Transfer of the light that arrives at each vertex, red, green, blue: rows of three times the columns. Empty means
+/// dark.
 pub struct Arriving<'a> {
+    /// SH coefficients that are computed.
+    pub columns: Range<usize>,
     /// For what a vertex's own rays meet: all light of up to b-1 bounces.
     pub last: &'a [f32],
     /// For what paths meet that went on: of up to b-2 bounces.
@@ -105,14 +109,14 @@ pub fn direct(pass: &Pass, rows: &mut [f32], progress: &dyn Progress) -> Result<
     })
 }
 
-/// Light that has bounced, at all vertices; `rows` is \[V, 3 m²\], red, green, blue.
+/// Light that has bounced, at all vertices; `rows` is \[V, 3 columns\], red, green, blue.
 pub fn bounced(
     pass: &Pass,
     arriving: &Arriving,
     rows: &mut [f32],
     progress: &dyn Progress,
 ) -> Result<(), Error> {
-    vertices(pass, 3 * pass.order * pass.order, rows, progress, |v, row| {
+    vertices(pass, 3 * arriving.columns.len(), rows, progress, |v, row| {
         row.fill(0.0);
         if arriving.unlit.get(v) == Some(&true) {
             return;
@@ -280,7 +284,7 @@ fn follow(pass: &Pass, arriving: &Arriving, mut path: Path, indirect: &mut [f32]
             Some(hit) => path = Path { origin: at, d, hit, ..path },
             None => {
                 if (arriving.escapes)(triangle, at, d) {
-                    add_sky(d, path.weight, indirect);
+                    add_sky(&arriving.columns, d, path.weight, indirect);
                 }
                 return;
             }
@@ -288,12 +292,11 @@ fn follow(pass: &Pass, arriving: &Arriving, mut path: Path, indirect: &mut [f32]
     }
 }
 
-fn add_sky(d: Vec3, weight: Vec3, indirect: &mut [f32]) {
-    let n = indirect.len() / 3;
+fn add_sky(columns: &Range<usize>, d: Vec3, weight: Vec3, indirect: &mut [f32]) {
     let mut y = [0.0; sh::MAX_COEFFICIENTS];
-    sh::eval(n.isqrt(), d, &mut y);
-    for (plane, w) in indirect.chunks_exact_mut(n).zip(weight.to_array()) {
-        for (out, y) in plane.iter_mut().zip(&y) {
+    sh::eval(sh::order_of(columns.end), d, &mut y);
+    for (plane, w) in indirect.chunks_exact_mut(columns.len()).zip(weight.to_array()) {
+        for (out, y) in plane.iter_mut().zip(&y[columns.clone()]) {
             *out += PI * w * y;
         }
     }

@@ -26,7 +26,7 @@ use lunette_scenes::Scene;
 
 pub use error::Error;
 pub use options::{Basis, Options};
-pub use portal::{Gates, PortalOptions, PortalReport, Start, bake_portals};
+pub use portal::{Gates, PortalOptions, PortalReport, Start, bake_portals, continue_portals};
 pub use progress::{Progress, Silent};
 pub use sampling::{Directions, Frame, HemisphereSets, LANES};
 pub use sky::mesh_asset;

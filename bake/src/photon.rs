@@ -14,6 +14,7 @@
 //! Based on: H. W. Jensen, Realistic Image Synthesis Using Photon Mapping, 2001; Y. Yue et al., 2009, section 4.1.1.
 
 use std::f32::consts::PI;
+use std::ops::Range;
 
 use glam::Vec3;
 use lunette_ffi as ffi;
@@ -36,8 +37,8 @@ pub struct Emission<'a> {
     pub gates: &'a Gates,
     pub portal: &'a Portal,
     pub k: u32,
-    /// SH bands.
-    pub order: usize,
+    /// SH coefficients that are computed.
+    pub columns: Range<usize>,
     /// Hits per photon: bounces before the last gathering.
     pub hits: usize,
     pub seed: u64,
@@ -51,7 +52,7 @@ struct Arrival {
     omega: Vec3,
 }
 
-/// Sums of photons `from..to` at the vertices: planes red, green, blue of \[V, n²\] each, not yet divided by the
+/// Sums of photons `from..to` at the vertices: planes red, green, blue of \[V, columns\] each, not yet divided by the
 /// number of photons.
 pub fn trace(
     emission: &Emission,
@@ -61,7 +62,7 @@ pub fn trace(
     planes: &mut [Vec<f32>; 3],
     progress: &dyn Progress,
 ) -> Result<(), Error> {
-    let n = emission.order * emission.order;
+    let n = emission.columns.len();
     let sampler = PortalSampler::new(emission.portal);
     for batch in (from..to).step_by(BATCH as usize) {
         if progress.cancelled() {
@@ -80,13 +81,13 @@ pub fn trace(
         planes.par_iter_mut().enumerate().for_each(|(c, plane)| {
             let mut y = [0.0; sh::MAX_COEFFICIENTS];
             for arrival in chunks.iter().flatten() {
-                sh::eval(emission.order, arrival.omega, &mut y);
+                sh::eval(sh::order_of(emission.columns.end), arrival.omega, &mut y);
                 for (&v, w) in
                     emission.surface.mesh.index[arrival.triangle as usize].iter().zip(arrival.weights)
                 {
                     let flux = w * arrival.throughput[c] / area[v as usize].max(f32::MIN_POSITIVE);
                     let row = &mut plane[v as usize * n..][..n];
-                    row.iter_mut().zip(&y).for_each(|(out, y)| *out += flux * y);
+                    row.iter_mut().zip(&y[emission.columns.clone()]).for_each(|(out, y)| *out += flux * y);
                 }
             }
         });

@@ -87,7 +87,7 @@ impl<'a> Work<'a> {
         let source = donors.sources(n_vertices);
         let stage = Stage { name: "sky in texels", rays: self.options.rays, progress: self.progress };
         let compute = |v: usize, [row, _]: &mut [Row; 2]| aim.row(v, source[v], row);
-        let (store, worst) = rows::encode(aim.n, n_vertices, &stage, compute, |_, ()| {})?;
+        let (store, worst) = rows::encode(aim.n, n_vertices, &stage, compute)?;
         let per_vertex = store.bytes() / n_vertices;
         let haar = 100 * store.n_haar() / n_vertices;
         self.progress.note(&format!(
@@ -147,6 +147,7 @@ impl<'a> Work<'a> {
                 last: &last,
                 before_last: &before_last,
                 many: Some(Many { sets: &many, ao: &ao }),
+                columns: 0..m * m,
                 escapes: &|_, _, _| true,
                 unlit: &[],
             };

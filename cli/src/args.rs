@@ -137,6 +137,9 @@ pub struct Bake {
     /// The baked file [default: the scene's name with .safetensors]
     #[arg(short, long)]
     pub output: Option<PathBuf>,
+    /// Go on from this baked file: keep what is there, add bands of --order or photons of --photons
+    #[arg(long = "continue", value_name = "FILE")]
+    pub earlier: Option<PathBuf>,
     /// What to store, of bent, aperture, sh, haar (direct light on a cubemap), direct-to-indirect (bounced light)
     /// [default: bent,aperture,sh; with portals haar,sh,direct-to-indirect]
     #[arg(long, value_delimiter = ',')]

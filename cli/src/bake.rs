@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Result, anyhow, ensure};
-use lunette_bake::{Basis, Options, PortalOptions};
+use lunette_bake::{Basis, Options, PortalOptions, PortalReport};
 use lunette_relight::asset::Asset;
 use lunette_relight::sh::MAX_ORDER;
 use lunette_scenes::{Portal, Scene};
@@ -12,7 +12,7 @@ use lunette_scenes::{Portal, Scene};
 use crate::args::{self, Bands, Effort};
 use crate::output;
 use crate::progress::{Bar, say};
-use crate::{portals, scene};
+use crate::{portals, relight, scene};
 
 /// `lunette bake`
 pub fn run(arguments: &args::Bake) -> Result<()> {
@@ -31,11 +31,22 @@ pub fn run(arguments: &args::Bake) -> Result<()> {
         !portals.is_empty() || arguments.effort.order != Bands::Auto,
         "--order: auto chooses the bands of light that bounces behind portals; under the open sky give a number"
     );
+    ensure!(
+        !portals.is_empty() || arguments.earlier.is_none(),
+        "--continue: only light behind portals is continued, and the scene has none"
+    );
     let started = Instant::now();
-    let asset = if portals.is_empty() {
-        bake(&scene, &arguments.scene, &options)?
-    } else {
-        bake_portals(&scene, &portals, &arguments.scene, &options, &portal_options)?
+    let asset = match &arguments.earlier {
+        None if portals.is_empty() => bake(&scene, &arguments.scene, &options)?,
+        None => bake_portals(&scene, &portals, &arguments.scene, &options, &portal_options)?,
+        Some(earlier) => {
+            let bytes = relight::map(earlier)?;
+            let there = relight::open(earlier, &bytes)?;
+            let bar = Bar::new("M rays", 1e6);
+            let result =
+                lunette_bake::continue_portals(&there, &scene, &portals, &options, &portal_options, &bar);
+            finish(result.map_err(|e| anyhow!("{}: {e}", earlier.display()))?, &arguments.scene, bar)
+        }
     };
     let bytes = asset.to_bytes().map_err(|e| anyhow!("{e}"))?;
     lunette_render::write_atomically(&path, &bytes).map_err(|e| anyhow!("{e}"))?;
@@ -66,12 +77,16 @@ pub fn bake_portals(
     portal_options: &PortalOptions,
 ) -> Result<Asset<'static>> {
     let bar = Bar::new("M rays", 1e6);
-    let (mut asset, report) = lunette_bake::bake_portals(scene, portals, options, portal_options, &bar)
-        .map_err(|e| anyhow!("{e}"))?;
+    let result = lunette_bake::bake_portals(scene, portals, options, portal_options, &bar);
+    Ok(finish(result.map_err(|e| anyhow!("{e}"))?, name, bar))
+}
+
+/// Ends the bar, says what was found out, and names the asset.
+fn finish((mut asset, report): (Asset<'static>, PortalReport), name: &str, bar: Bar) -> Asset<'static> {
     drop(bar);
     report.lines.iter().for_each(|line| say(line));
     asset.metadata.scene = short_name(name);
-    Ok(asset)
+    asset
 }
 
 fn short_name(name: &str) -> String {

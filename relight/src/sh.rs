@@ -24,6 +24,12 @@ pub const MAX_ORDER: usize = 10;
 /// Coefficients at the largest order.
 pub const MAX_COEFFICIENTS: usize = MAX_ORDER * MAX_ORDER;
 
+/// The fewest bands that hold `n` coefficients.
+pub const fn order_of(n: usize) -> usize {
+    let root = n.isqrt();
+    if root * root < n { root + 1 } else { root }
+}
+
 /// Factors of the recurrence p(l,m) = a z p(l-1,m) + b p(l-2,m), and the diagonal p(m,m).
 struct Recurrence {
     diagonal: [f32; MAX_ORDER],

@@ -9,22 +9,22 @@
 //!
 //! Based on: Y. Yue et al., Interactive Rendering of Interior Scenes with Dynamic Environment Illumination, 2009.
 
+mod bounced;
 mod gate;
 mod orient;
 mod outside;
-
-use std::sync::atomic::AtomicU64;
+mod resume;
 
 use glam::Vec3;
 use lunette_relight::asset::{Asset, Shell};
-use lunette_relight::cubemap::ShTable;
+use lunette_relight::cubemap::n_texels;
+use lunette_relight::sparse::{Rows, SparseLight};
 use lunette_scenes::{Portal, Scene};
+use rayon::prelude::*;
 
 use crate::carrier::{Lie, carrier};
-use crate::energy::{self, BandEnergy};
 use crate::fill::{self, Donors};
-use crate::gather::{Arriving, Pass, bounced, buried};
-use crate::photon::{self, Emission};
+use crate::gather::buried;
 use crate::rows::{self, Aim, Opening, Row, Stage};
 use crate::sampling::{HemisphereSets, hash};
 use crate::smooth::{self, Smoother};
@@ -78,6 +78,33 @@ pub fn bake_portals(
     portal_options: &PortalOptions,
     progress: &dyn Progress,
 ) -> Result<(Asset<'static>, PortalReport), Error> {
+    bake(scene, portals, (options, portal_options), None, progress)
+}
+
+/// As [`bake_portals`], from where an earlier bake of the same scene, rays, bounces, resolution and seed has come to:
+/// direct rows, bounced bands and direct-to-indirect transport that are there stay, more bands are added to those, and
+/// more photons are averaged with those that were traced.
+///
+/// # Errors
+/// As [`bake_portals`], and when the earlier bake is of another scene or other options.
+pub fn continue_portals(
+    earlier: &Asset,
+    scene: &Scene,
+    portals: &[Portal],
+    options: &Options,
+    portal_options: &PortalOptions,
+    progress: &dyn Progress,
+) -> Result<(Asset<'static>, PortalReport), Error> {
+    bake(scene, portals, (options, portal_options), Some(earlier), progress)
+}
+
+fn bake(
+    scene: &Scene,
+    portals: &[Portal],
+    (options, portal_options): (&Options, &PortalOptions),
+    earlier: Option<&Asset>,
+    progress: &dyn Progress,
+) -> Result<(Asset<'static>, PortalReport), Error> {
     options.check()?;
     check(portals)?;
     if scene.mesh.index.is_empty() {
@@ -109,6 +136,7 @@ pub fn bake_portals(
             owners,
             unlit,
             smoother,
+            earlier,
         };
         work.run()
     })
@@ -140,6 +168,8 @@ struct Work<'a> {
     /// Vertices outside that are seen from none.
     unlit: Vec<bool>,
     smoother: Smoother,
+    /// What there is already.
+    earlier: Option<&'a Asset<'a>>,
 }
 
 impl Work<'_> {
@@ -147,72 +177,39 @@ impl Work<'_> {
         let mut asset = mesh_asset(self.scene);
         asset.metadata.seed = self.options.seed;
         asset.metadata.options = self.options.describe();
-        let mut report = PortalReport::default();
-        let mut uniform = vec![0.0; self.scene.mesh.position.len()];
-        for (k, portal) in self.portals.iter().enumerate() {
-            asset.metadata.shells.push(Shell {
-                name: portal.name.clone(),
-                centre: Some(portal.centre().to_array()),
-                normal: Some(portal.normal.to_array()),
-                area: Some(portal.area()),
-                tint: (portal.transmission != Vec3::ONE).then(|| portal.transmission.to_array()),
-            });
-            let direct_sh = self.direct(k, &mut asset, &mut report, &mut uniform)?;
-            if !self.has_sh() {
-                continue;
-            }
-            let order = self.choose_order(k, &direct_sh, &mut report)?;
-            let direct_sh = truncated(direct_sh, self.options.indirect_order, order);
-            let rows = self.bounced(k, order, &direct_sh)?;
-            if self.portal_options.energy_share.is_none() {
-                report.lines.push(energy_line(&portal.name, &energy::bands(&rows, order)));
-            }
-            let n_vertices = self.scene.mesh.position.len();
-            let name = format!("portal.{k}.indirect.sh");
-            asset.insert_scaled(&name, &[n_vertices, order * order, 3], &interleaved(&rows, order * order));
+        if let Start::Photons(count) = self.portal_options.start {
+            let count = count.max(self.earlier.map_or(0, resume::photons));
+            asset.metadata.options.insert("photons".into(), count.into());
         }
-        self.insert_carrier(&mut asset, &uniform)?;
+        asset.metadata.shells.extend(self.portals.iter().map(shell));
+        if let Some(earlier) = self.earlier {
+            resume::check(earlier, &asset)?;
+        }
+        let mut report = PortalReport::default();
+        for k in 0..self.portals.len() {
+            self.insert_direct(k, &mut asset, &mut report)?;
+            if self.options.bounces > 0 && self.options.has(Basis::Sh) {
+                self.insert_bounced(k, &mut asset, &mut report)?;
+            }
+        }
+        self.insert_carrier(&mut asset)?;
         Ok((asset, report))
     }
 
-    /// The bands that hold the share of the energy asked for, by the first bounce at a few vertices: later bounces
-    /// carry less of the high bands.
-    fn choose_order(&self, k: usize, direct_sh: &[f32], report: &mut PortalReport) -> Result<usize, Error> {
-        let most = self.options.indirect_order;
-        let Some(share) = self.portal_options.energy_share else { return Ok(most) };
-        let n_lit = self.unlit.iter().filter(|u| !**u).count();
-        let every = n_lit.div_ceil(PROBED).max(1);
-        let mut skip = vec![true; self.unlit.len()];
-        (0..skip.len()).filter(|&v| !self.unlit[v]).step_by(every).for_each(|v| skip[v] = false);
-        let rows = self.gather(k, most, 1, direct_sh, &skip)?;
-        let bands = energy::bands(&rows, most);
-        let order = energy::order_for(&bands, share);
-        report.lines.push(energy_line(&self.portals[k].name, &bands));
-        report.lines.push(format!(
-            "portal {}: {order} bands hold {:.1} % of it",
-            self.portals[k].name,
-            100.0 * energy::cumulative(&bands)[order - 1]
-        ));
-        Ok(order)
-    }
-
-    /// Whether bounced light is baked as SH.
-    fn has_sh(&self) -> bool {
-        self.options.bounces > 0 && self.options.has(Basis::Sh)
-    }
-
-    /// Encodes the rows of portal `k`; gives their SH transfer, \[V, m²\], and adds the irradiance under a sky of
-    /// radiance 1 to `uniform`.
-    fn direct(
+    /// Encodes the rows of portal `k`.
+    fn insert_direct(
         &self,
         k: usize,
         asset: &mut Asset<'static>,
         report: &mut PortalReport,
-        uniform: &mut [f32],
-    ) -> Result<Vec<f32>, Error> {
+    ) -> Result<(), Error> {
+        let prefix = format!("portal.{k}.direct");
+        if let Some(earlier) = self.earlier {
+            resume::copy(earlier, &prefix, asset);
+            return Ok(());
+        }
         let n = self.options.resolution;
         let n_vertices = self.scene.mesh.position.len();
-        let order = if self.has_sh() { self.options.indirect_order } else { 0 };
         let polygons = self.portals[k].convex_polygons();
         let aim = |opening| Aim {
             surface: self.surface,
@@ -223,28 +220,20 @@ impl Work<'_> {
         };
         let through = aim(Opening::Portal { gates: self.gates, polygons });
         let outside = aim(Opening::Sky(Some(self.gates)));
-        let table = ShTable::new(n, order.max(1));
         let source = self.donors.sources(n_vertices);
-        let mut direct_sh = vec![0.0; n_vertices * order * order];
         let stage = format!("portal {}", self.portals[k].name);
         let stage = Stage { name: &stage, rays: self.options.rays, progress: self.progress };
         let compute = |v: usize, [row, open]: &mut [Row; 2]| {
-            let mut sh = vec![0.0; order * order];
             if self.unlit[v] {
-                return (sh, 0.0);
+                return;
             }
             through.row(v, source[v], row);
             if self.owners[source[v]] == k as u32 {
                 outside.row(v, source[v], open);
                 row.add(open);
             }
-            table.transfer(row.lit(), &mut sh);
-            (sh, row.lit().map(|(_, value)| value).sum::<f32>())
         };
-        let (store, worst) = rows::encode(n, n_vertices, &stage, compute, |v, (sh, sum)| {
-            uniform[v] += sum;
-            direct_sh[v * sh.len()..][..sh.len()].copy_from_slice(&sh);
-        })?;
+        let (store, worst) = rows::encode(n, n_vertices, &stage, compute)?;
         report.lines.push(format!(
             "portal {}: {:.2} m², {} bytes of direct light per vertex ({} % of rows in Haar wavelets), at most {:.1} % of a row lost",
             self.portals[k].name,
@@ -253,142 +242,55 @@ impl Work<'_> {
             100 * store.n_haar() / n_vertices,
             100.0 * worst
         ));
-        let prefix = format!("portal.{k}.direct");
-        store.insert_into(asset, &prefix, n).map_err(|e| Error::TooLarge(e.to_string()))?;
-        Ok(direct_sh)
+        store.insert_into(asset, &prefix, n).map_err(|e| Error::TooLarge(e.to_string()))
     }
 
-    /// Bounced light of portal `k`, \[V, 3 m²\], red, green, blue.
-    fn bounced(&self, k: usize, m: usize, direct_sh: &[f32]) -> Result<Vec<f32>, Error> {
-        let mut rows = match self.portal_options.start {
-            Start::Gathering => self.gather(k, m, self.options.bounces, direct_sh, &self.unlit)?,
-            Start::Photons(count) => {
-                let all = self.photons(k, m, count)?;
-                let before_last = if self.options.bounces > 1 { &all[..] } else { &[] };
-                self.pass(k, m, (1, 1), (&all, before_last), &self.unlit)?
-            }
-        };
-        self.smoother.apply(&mut rows, 3 * m * m);
-        Ok(rows)
-    }
-
-    /// As [`Work::bounced`], iterated from the direct light at the vertices.
-    fn gather(
-        &self,
-        k: usize,
-        m: usize,
-        bounces: usize,
-        direct_sh: &[f32],
-        skip: &[bool],
-    ) -> Result<Vec<f32>, Error> {
-        let mut last: Vec<f32> =
-            direct_sh.chunks_exact(m * m).flat_map(|row| [row, row, row].concat()).collect();
-        let mut before_last = Vec::new();
-        for b in 1..=bounces {
-            let rows = self.pass(k, m, (b, bounces), (&last, &before_last), skip)?;
-            if b == bounces {
-                return Ok(rows);
-            }
-            let mut next = rows;
-            for (row, direct) in next.chunks_exact_mut(3 * m * m).zip(direct_sh.chunks_exact(m * m)) {
-                for plane in row.chunks_exact_mut(m * m) {
-                    plane.iter_mut().zip(direct).for_each(|(a, d)| *a += d);
-                }
-            }
-            before_last = std::mem::replace(&mut last, next);
+    /// What the rows of portal `k` make of a light on its shell, three colours at a time.
+    fn response(&self, k: usize, asset: &Asset, light: impl Fn(usize) -> [f32; 3]) -> Vec<[f32; 3]> {
+        let mut out = vec![[0.0; 3]; self.scene.mesh.position.len()];
+        // The rows were just put there, or were checked when their file was read.
+        if let Ok(Some(rows)) = Rows::open(asset, &format!("portal.{k}.direct")) {
+            let mut sparse = SparseLight::new(rows.n());
+            sparse.set(&(0..n_texels(rows.n())).map(light).collect::<Vec<_>>());
+            out.par_chunks_mut(VERTICES)
+                .enumerate()
+                .for_each(|(i, out)| rows.add(i * VERTICES, &sparse, out));
         }
-        Ok(vec![0.0; last.len()])
+        out
     }
 
-    /// What surfaces throw back of the light that arrives at them, `(last, before_last)` as for [`Arriving`]; pass b of
-    /// several.
-    fn pass(
-        &self,
-        k: usize,
-        m: usize,
-        (b, n_passes): (usize, usize),
-        (last, before_last): (&[f32], &[f32]),
-        skip: &[bool],
-    ) -> Result<Vec<f32>, Error> {
-        // A path that goes on from an outer surface brings the sky's light straight.
-        let corners = |t: u32| self.scene.mesh.index[t as usize];
-        let is_outer = |t: u32| corners(t).iter().any(|&v| self.owners[v as usize] == k as u32);
-        let escapes = |triangle, origin, d| match self.gates.first(origin, d) {
-            Some(portal) => portal == k as u32,
-            None => is_outer(triangle),
-        };
-        let n_vertices = self.scene.mesh.position.len();
-        let rays = (self.options.rays / 4).max(128).next_multiple_of(16);
-        let sets = HemisphereSets::new(rays, hash(self.options.seed, (b + 1000 * (k + 1)) as u64));
-        let pass = Pass {
-            surface: self.surface,
-            sets: &sets,
-            order: m,
-            seed: hash(self.options.seed, b as u64),
-            stage: &format!("bounce {b}"),
-            total: (n_passes * n_vertices * rays) as u64,
-            done: &AtomicU64::new(((b - 1) * n_vertices * rays) as u64),
-        };
-        let light = Arriving { last, before_last, many: None, escapes: &escapes, unlit: skip };
-        let mut rows = vec![0.0; n_vertices * 3 * m * m];
-        bounced(&pass, &light, &mut rows, self.progress)?;
-        self.donors.fill(&mut rows, 3 * m * m);
-        Ok(rows)
-    }
-
-    /// All light at the vertices but the last bounce, by photons.
-    fn photons(&self, k: usize, m: usize, count: u64) -> Result<Vec<f32>, Error> {
-        let m2 = m * m;
-        let n_vertices = self.scene.mesh.position.len();
-        let emission = Emission {
-            surface: self.surface,
-            gates: self.gates,
-            portal: &self.portals[k],
-            k: k as u32,
-            order: m,
-            hits: self.options.bounces,
-            seed: self.options.seed,
-        };
-        let mut planes = [(); 3].map(|()| vec![0.0; n_vertices * m2]);
-        photon::trace(&emission, 0, count, &self.scene.mesh.vertex_area(), &mut planes, self.progress)?;
-        let per_photon = 1.0 / count as f32;
-        let mut rows = Vec::with_capacity(3 * n_vertices * m2);
-        for v in 0..n_vertices {
-            for plane in &planes {
-                rows.extend(plane[v * m2..][..m2].iter().map(|x| x * per_photon));
-            }
-        }
-        self.donors.fill(&mut rows, 3 * m2);
-        Ok(rows)
-    }
-
-    fn insert_carrier(&self, asset: &mut Asset<'static>, uniform: &[f32]) -> Result<(), Error> {
+    fn insert_carrier(&self, asset: &mut Asset<'static>) -> Result<(), Error> {
         if self.options.bounces == 0 || !self.options.has(Basis::DirectToIndirect) {
             return Ok(());
         }
-        let lie = Lie { buried: &self.buried, unlit: &self.unlit, uniform, smoother: &self.smoother };
+        if let Some(earlier) = self.earlier
+            && resume::has_carrier(earlier, self.options)
+        {
+            resume::copy(earlier, "indirect", asset);
+            return Ok(());
+        }
+        let mut uniform = vec![0.0; self.scene.mesh.position.len()];
+        for k in 0..self.portals.len() {
+            let lit = self.response(k, asset, |_| [1.0; 3]);
+            uniform.iter_mut().zip(lit).for_each(|(sum, e)| *sum += e[0]);
+        }
+        let lie =
+            Lie { buried: &self.buried, unlit: &self.unlit, uniform: &uniform, smoother: &self.smoother };
         carrier(self.scene, self.surface, self.options, &lie, self.progress)?.insert_into(asset);
         Ok(())
     }
 }
 
-/// Vertices at which energy is probed.
-const PROBED: usize = 2048;
+/// Vertices of one task.
+const VERTICES: usize = 4096;
 
-/// Rows of n² values cut to m².
-fn truncated(rows: Vec<f32>, n: usize, m: usize) -> Vec<f32> {
-    if n == m { rows } else { rows.chunks_exact(n * n).flat_map(|r| r[..m * m].iter().copied()).collect() }
-}
-
-/// Rows of three planes of `n` values, value by value.
-fn interleaved(rows: &[f32], n: usize) -> Vec<f32> {
-    rows.chunks_exact(3 * n).flat_map(|r| (0..n).flat_map(move |i| [r[i], r[n + i], r[2 * n + i]])).collect()
-}
-
-fn energy_line(name: &str, bands: &[BandEnergy]) -> String {
-    let shares: Vec<String> = energy::cumulative(bands).iter().map(|s| format!("{:.1}", 100.0 * s)).collect();
-    format!(
-        "portal {name}: % of the energy of bounced light in the first 1, 2, ... SH bands: {}",
-        shares.join(" ")
-    )
+/// What the file says of a portal.
+fn shell(portal: &Portal) -> Shell {
+    Shell {
+        name: portal.name.clone(),
+        centre: Some(portal.centre().to_array()),
+        normal: Some(portal.normal.to_array()),
+        area: Some(portal.area()),
+        tint: (portal.transmission != Vec3::ONE).then(|| portal.transmission.to_array()),
+    }
 }

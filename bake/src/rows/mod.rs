@@ -94,7 +94,7 @@ impl Row {
     }
 
     /// Texels from which light comes, each once, and what they contribute, sr.
-    pub fn lit(&self) -> impl Iterator<Item = (usize, f32)> {
+    fn lit(&self) -> impl Iterator<Item = (usize, f32)> {
         self.texels.iter().map(|&t| (t, self.dense[t]))
     }
 

@@ -18,14 +18,12 @@ pub struct Stage<'a> {
 }
 
 /// Encodes the rows of `n_vertices` on cubemaps of side `n`; gives them, and the greatest share of a row that was lost.
-/// `compute` fills the first row of two, given cleared; the second is its scratch. What it says of a vertex goes to
-/// `take`, in order.
-pub fn encode<T: Send>(
+/// `compute` fills the first row of two, given cleared; the second is its scratch.
+pub fn encode(
     n: usize,
     n_vertices: usize,
     stage: &Stage,
-    compute: impl Fn(usize, &mut [Row; 2]) -> T + Sync,
-    mut take: impl FnMut(usize, T),
+    compute: impl Fn(usize, &mut [Row; 2]) + Sync,
 ) -> Result<(RowStore, f32), Error> {
     let mut store = RowStore::default();
     let mut worst = 0.0f32;
@@ -34,21 +32,20 @@ pub fn encode<T: Send>(
             return Err(Error::Cancelled);
         }
         let end = n_vertices.min(first + BLOCK);
-        let encoded: Vec<(sparse::Row, T)> = (first..end)
+        let encoded: Vec<sparse::Row> = (first..end)
             .into_par_iter()
             .map_init(
                 || ([Row::new(n), Row::new(n)], Encoder::new(n, Encoding::default())),
                 |(rows, encoder), v| {
                     rows[0].clear();
-                    let said = compute(v, rows);
-                    (encoder.encode(&rows[0].dense), said)
+                    compute(v, rows);
+                    encoder.encode(&rows[0].dense)
                 },
             )
             .collect();
-        for (v, (row, said)) in (first..end).zip(encoded) {
-            store.push(&row);
+        for row in &encoded {
+            store.push(row);
             worst = worst.max(row.error);
-            take(v, said);
         }
         let rays = stage.rays as u64;
         stage.progress.report(stage.name, end as u64 * rays, n_vertices as u64 * rays);

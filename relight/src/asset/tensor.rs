@@ -84,6 +84,18 @@ impl Data<'_> {
         self.bytes().is_empty()
     }
 
+    /// The same values, for as long as they are wanted.
+    pub fn into_owned(self) -> Data<'static> {
+        match self {
+            Data::F16(v) => Data::F16(Cow::Owned(v.into_owned())),
+            Data::F32(v) => Data::F32(Cow::Owned(v.into_owned())),
+            Data::U8(v) => Data::U8(Cow::Owned(v.into_owned())),
+            Data::I8(v) => Data::I8(Cow::Owned(v.into_owned())),
+            Data::U16(v) => Data::U16(Cow::Owned(v.into_owned())),
+            Data::U32(v) => Data::U32(Cow::Owned(v.into_owned())),
+        }
+    }
+
     /// The values as they lie in the file.
     pub fn bytes(&self) -> &[u8] {
         match self {

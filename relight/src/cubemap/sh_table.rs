@@ -51,20 +51,13 @@ impl ShTable {
         self.order
     }
 
-    /// SH transfer of a row of texels, each once, given as their transfer in steradians: Σ T\[t\] times the mean of each
-    /// basis function over texel t, written to `out[..order²]`.
+    /// Mean of basis function `i` over texel `t`: a light that is this on a cubemap makes a row of transfer give its
+    /// SH coefficient.
     ///
     /// # Panics
-    /// When a texel is not below 6 n², or `out` is too long.
-    pub fn transfer(&self, row: impl Iterator<Item = (usize, f32)>, out: &mut [f32]) {
-        out.fill(0.0);
-        let texels = n_texels(self.n);
-        for (t, value) in row {
-            let scale = value / super::solid_angle(self.n, t);
-            for (i, out) in out.iter_mut().enumerate() {
-                *out += scale * self.weights[i * texels + t];
-            }
-        }
+    /// When there is no such function or texel.
+    pub fn mean(&self, i: usize, t: usize) -> f32 {
+        self.weights[i * n_texels(self.n) + t] / super::solid_angle(self.n, t)
     }
 
     /// SH coefficients of the average radiances `texels`, written to `out[..order²]`. Does not allocate.
