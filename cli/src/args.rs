@@ -24,6 +24,8 @@ pub enum Command {
     Scene(Scene),
     /// Bake a scene's transfer into one file
     Bake(Bake),
+    /// Find an interior's windows and holes, and write them as portals for bake
+    Portals(Portals),
     /// Light a baked scene: a picture, or irradiance per vertex
     Relight(Relight),
     /// Path-trace the reference: a picture, or irradiance per vertex
@@ -152,6 +154,41 @@ pub struct PortalChoice {
     /// Numbers per vertex of direct-to-indirect transport; 0 leaves it out
     #[arg(long, default_value_t = 128)]
     pub rank: usize,
+}
+
+/// `lunette portals`
+#[derive(Args)]
+pub struct Portals {
+    /// A scene, as for bake
+    pub scene: String,
+    /// The portal file, replaced if there is one; the picture lies beside it [default: SCENE.portals.json, where bake
+    /// looks for it]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace the default portal file, which may have been edited by hand
+    #[arg(long)]
+    pub force: bool,
+    /// What shares a portal and its shell of outside light: joined, one for each glass and one for all plain holes
+    /// (everything outside is far away), or apart, one for each window
+    #[arg(long, default_value = "joined", value_parser = ["joined", "apart"])]
+    pub group: String,
+    /// Cells of the search grid: a hole narrower than a cell may be missed; time and memory grow with them
+    #[arg(long, default_value_t = 120_000, allow_negative_numbers = true)]
+    pub cells: usize,
+    /// Leave out holes of less than this, m²: cracks
+    #[arg(long, value_name = "M2", default_value_t = 0.01, allow_negative_numbers = true)]
+    pub smallest_area: f32,
+    /// Holes with bars of up to this width between them are one window, metres; 0 joins none
+    #[arg(long, value_name = "METRES", default_value_t = 0.2, allow_negative_numbers = true)]
+    pub widest_bar: f32,
+    /// Seed of every random choice
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub seed: u64,
+    /// Threads; 0 takes all cores
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
+    pub threads: usize,
+    #[command(flatten)]
+    pub read: SceneOptions,
 }
 
 /// What shines.

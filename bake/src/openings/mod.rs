@@ -80,7 +80,9 @@ impl Default for Options {
 }
 
 impl Options {
-    fn check(&self) -> Result<(), Error> {
+    /// # Errors
+    /// [`Error::Option`] for the first that is out of range.
+    pub fn check(&self) -> Result<(), Error> {
         if !(1_000..=20_000_000).contains(&self.cells) {
             return Err(Error::Option {
                 name: "cells",

@@ -116,9 +116,9 @@ pub(super) struct View {
     pub reach: f32,
 }
 
-/// Whether light passes each triangle.
+/// Whether each triangle is of glass.
 pub(super) fn see_through(scene: &Scene) -> Vec<bool> {
-    let glass = |&m: &u32| scene.materials[m as usize].transmission != Vec3::ZERO;
+    let glass = |&m: &u32| scene.materials[m as usize].is_see_through();
     scene.mesh.material.iter().map(glass).collect()
 }
 

@@ -151,6 +151,20 @@ type Triangles = Vec<[Vec3; 3]>;
 
 /// Triangles that hang together by corners.
 pub(super) fn windows(triangles: &[[Vec3; 3]]) -> Vec<Triangles> {
+    let mut place = HashMap::new();
+    let mut windows: Vec<Triangles> = Vec::new();
+    for (label, corners) in labels(triangles).into_iter().zip(triangles) {
+        let at = *place.entry(label).or_insert(windows.len());
+        if at == windows.len() {
+            windows.push(Vec::new());
+        }
+        windows[at].push(*corners);
+    }
+    windows
+}
+
+/// A number for each triangle, the same for those that hang together by corners.
+pub(super) fn labels(triangles: &[[Vec3; 3]]) -> Vec<u32> {
     let (position, index) = merge::weld(triangles);
     let mut parent: Vec<u32> = (0..position.len() as u32).collect();
     for t in &index {
@@ -160,16 +174,7 @@ pub(super) fn windows(triangles: &[[Vec3; 3]]) -> Vec<Triangles> {
             parent[other as usize] = root;
         }
     }
-    let mut place = HashMap::new();
-    let mut windows: Vec<Triangles> = Vec::new();
-    for (t, corners) in index.iter().zip(triangles) {
-        let at = *place.entry(root(&mut parent, t[0])).or_insert(windows.len());
-        if at == windows.len() {
-            windows.push(Vec::new());
-        }
-        windows[at].push(*corners);
-    }
-    windows
+    index.iter().map(|t| root(&mut parent, t[0])).collect()
 }
 
 fn root(parent: &mut [u32], mut v: u32) -> u32 {

@@ -1,0 +1,79 @@
+//! `lunette portals`: proposes an interior's portals and writes them where `bake` finds them.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, anyhow, ensure};
+use lunette_bake::openings::{self, Grouping, Options};
+use lunette_scenes::Portal;
+
+use crate::progress::Bar;
+use crate::{args, output, portals, scene};
+
+/// `lunette portals`
+pub fn run(arguments: &args::Portals) -> Result<()> {
+    let path = target(arguments)?;
+    output::check_folder(&path)?;
+    let options = options(arguments);
+    options.check().map_err(|e| anyhow!("{e}"))?;
+    let mut scene = scene::load(&arguments.scene, &arguments.read)?;
+    let bar = Bar::new("M rays", 1e6);
+    let found = openings::find(&scene, &options, &bar).map_err(|e| anyhow!("{}: {e}", arguments.scene))?;
+    drop(bar);
+    lunette_scenes::unglaze(&mut scene, &found).map_err(|e| anyhow!("{e}"))?;
+    let elsewhere = openings::leak_share(&scene, &found).map_err(|e| anyhow!("{e}"))?;
+    lunette_scenes::write_portals(&path, &found).map_err(|e| anyhow!("{e}"))?;
+    found.iter().for_each(|p| println!("{}", described(p)));
+    println!("{:.1} % of the light that enters does so elsewhere", 100.0 * elsewhere);
+    let area: f32 = found.iter().map(Portal::area).sum();
+    println!("{}: {} portals, {area:.3} m²", path.display(), found.len());
+    portals::warn_of_leaks(&arguments.scene, elsewhere);
+    Ok(())
+}
+
+/// The portal file to be written; one that is there is replaced only where that was asked for.
+fn target(arguments: &args::Portals) -> Result<PathBuf> {
+    if let Some(path) = &arguments.output {
+        ensure!(
+            path.extension().is_some_and(|e| e == "json"),
+            "{}: a portal file's name has to end in .json",
+            path.display()
+        );
+        return Ok(path.clone());
+    }
+    let path = lunette_scenes::sidecar_path(&arguments.scene);
+    ensure!(
+        arguments.force || !path.exists(),
+        "{}: is there already, and may have been edited by hand; --force replaces it, -o FILE.json writes another",
+        path.display()
+    );
+    Ok(path)
+}
+
+fn options(arguments: &args::Portals) -> Options {
+    Options {
+        cells: arguments.cells,
+        smallest_area: arguments.smallest_area,
+        widest_bar: arguments.widest_bar,
+        grouping: if arguments.group == "apart" { Grouping::Apart } else { Grouping::Joined },
+        seed: arguments.seed,
+        threads: arguments.threads,
+    }
+}
+
+/// Name, polygons, area, centre and normal.
+fn described(portal: &Portal) -> String {
+    let n = portal.polygons().len();
+    let (c, n_in) = (portal.centre(), portal.normal);
+    format!(
+        "{:<16} {n:>4} polygon{} {:>9.3} m²  centre {:.2} {:.2} {:.2}  inwards {:.2} {:.2} {:.2}",
+        portal.name,
+        if n == 1 { " " } else { "s" },
+        portal.area(),
+        c.x,
+        c.y,
+        c.z,
+        n_in.x,
+        n_in.y,
+        n_in.z
+    )
+}
