@@ -172,9 +172,10 @@ pub struct Portals {
     /// (everything outside is far away), or apart, one for each window
     #[arg(long, default_value = "joined", value_parser = ["joined", "apart"])]
     pub group: String,
-    /// Cells of the search grid: a hole narrower than a cell may be missed; time and memory grow with them
-    #[arg(long, default_value_t = 120_000, allow_negative_numbers = true)]
-    pub cells: usize,
+    /// Cells of the search grid, 1000 to 20000000: a hole narrower than a cell may be missed; time and memory grow with
+    /// them [default: cells of 0.15 m, but 120000 to 1000000 of them]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub cells: Option<usize>,
     /// Leave out holes of less than this, m²: cracks
     #[arg(long, value_name = "M2", default_value_t = 0.01, allow_negative_numbers = true)]
     pub smallest_area: f32,

@@ -1,13 +1,17 @@
 //! `lunette portals`: proposes an interior's portals and writes them where `bake` finds them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow, ensure};
 use lunette_bake::openings::{self, Grouping, Options};
-use lunette_scenes::Portal;
+use lunette_render::{Picture, Shown, Surface};
+use lunette_scenes::{Portal, Scene};
 
 use crate::progress::Bar;
 use crate::{args, output, portals, scene};
+
+/// Width and height of the picture, pixels.
+const PICTURE: (usize, usize) = (1600, 700);
 
 /// `lunette portals`
 pub fn run(arguments: &args::Portals) -> Result<()> {
@@ -21,7 +25,10 @@ pub fn run(arguments: &args::Portals) -> Result<()> {
     drop(bar);
     lunette_scenes::unglaze(&mut scene, &found).map_err(|e| anyhow!("{e}"))?;
     let elsewhere = openings::leak_share(&scene, &found).map_err(|e| anyhow!("{e}"))?;
+    let picture = picture(&scene, &found)?;
     lunette_scenes::write_portals(&path, &found).map_err(|e| anyhow!("{e}"))?;
+    let beside = picture_path(&path);
+    lunette_render::write_png(&beside, &picture).map_err(|e| anyhow!("{e}"))?;
     found.iter().for_each(|p| println!("{}", described(p)));
     println!("{:.1} % of the light that enters does so elsewhere", 100.0 * elsewhere);
     let area: f32 = found.iter().map(Portal::area).sum();
@@ -58,6 +65,34 @@ fn options(arguments: &args::Portals) -> Options {
         seed: arguments.seed,
         threads: arguments.threads,
     }
+}
+
+/// `room.portals.json` has `room.portals.png` beside it, and `a.json` has `a.portals.png`: a scene's own pictures are
+/// safe.
+fn picture_path(path: &Path) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{}.portals.png", stem.trim_end_matches(".portals")))
+}
+
+/// The portals in the scene without its glass.
+fn picture(scene: &Scene, portals: &[Portal]) -> Result<Picture> {
+    let opaque = |t: &usize| !scene.materials[scene.mesh.material[*t] as usize].is_see_through();
+    let index: Vec<[u32; 3]> =
+        (0..scene.mesh.index.len()).filter(opaque).map(|t| scene.mesh.index[t]).collect();
+    let albedo = scene.vertex_albedo();
+    let surface = Surface {
+        position: &scene.mesh.position,
+        normal: &scene.mesh.normal,
+        index: &index,
+        albedo: &albedo,
+    };
+    let shown = |p: &Portal| Shown {
+        triangles: p.triangles.clone(),
+        outline: p.outline(),
+        normal: p.normal,
+    };
+    let portals: Vec<Shown> = portals.iter().map(shown).collect();
+    lunette_render::show_portals(surface, &portals, PICTURE).map_err(|e| anyhow!("{e}"))
 }
 
 /// Name, polygons, area, centre and normal.

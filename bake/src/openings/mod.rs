@@ -50,9 +50,10 @@ pub enum Grouping {
 /// How to look for openings.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Cells of the grid around the interior, 1,000..=20,000,000. Time and memory (150 bytes each) grow with it; an
-    /// opening narrower than a cell may be missed.
-    pub cells: usize,
+    /// Cells of the grid around the interior, 1,000..=20,000,000; none makes them 0.15 m wide, but no fewer than 120,000
+    /// and no more than 1,000,000. Time and memory (150 bytes each) grow with it; an opening narrower than a cell may
+    /// be missed.
+    pub cells: Option<usize>,
     /// Holes of less area, m², are left out: cracks between walls.
     pub smallest_area: f32,
     /// Holes with no more than this between them, metres, are panes of one window, and its bars are left to cast their
@@ -69,7 +70,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Options {
-            cells: 120_000,
+            cells: None,
             smallest_area: 0.01,
             widest_bar: 0.2,
             grouping: Grouping::Joined,
@@ -83,11 +84,9 @@ impl Options {
     /// # Errors
     /// [`Error::Option`] for the first that is out of range.
     pub fn check(&self) -> Result<(), Error> {
-        if !(1_000..=20_000_000).contains(&self.cells) {
-            return Err(Error::Option {
-                name: "cells",
-                what: format!("{} is not in 1000..=20000000", self.cells),
-            });
+        if let Some(cells) = self.cells.filter(|n| !(1_000..=20_000_000).contains(n)) {
+            let what = format!("{cells} is not in 1000..=20000000");
+            return Err(Error::Option { name: "cells", what });
         }
         for (name, value) in [("smallest-area", self.smallest_area), ("widest-bar", self.widest_bar)] {
             if !(value >= 0.0 && value.is_finite()) {
@@ -99,21 +98,24 @@ impl Options {
 }
 
 /// Proposes the portals of a scene, panes first, in the order of the scene's materials, then plain holes, largest
-/// first; wound so that their normals point inside. Empty where nothing is inside, or nothing leads out.
+/// first; wound so that their normals point inside.
 ///
 /// # Errors
-/// When an option is out of range, the scene has nothing that blocks light, Embree cannot be had, or `progress` asks
+/// [`Error::NoInterior`] where nothing is inside, [`Error::NoOpening`] where nothing leads out. When an option is out of range, the scene has nothing that blocks light, Embree cannot be had, or `progress` asks
 /// to stop.
 pub fn find(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Vec<Portal>, Error> {
     options.check()?;
     crate::pool(options.threads)?.install(|| {
         let rays = Rays::new(scene)?;
-        let Some(grid) = Grid::new(scene, &rays, options, progress)? else { return Ok(Vec::new()) };
-        let sides = cut::sides(&grid, options.seed);
+        let grid = Grid::new(scene, &rays, options, progress)?.ok_or(Error::NoInterior)?;
+        let sides = cut::sides(&grid, options.seed)?;
         let links = cut::cut_links(&grid, &sides);
         let space = Space { rays: &rays, grid: &grid, sides: &sides };
         let mut found = panes::find(scene, &space, &links);
         found.extend(holes(&space, &links, options));
+        if found.is_empty() {
+            return Err(Error::NoOpening);
+        }
         Ok(grouped(found, options.grouping))
     })
 }

@@ -47,11 +47,12 @@ impl Rays {
         self.solid.intersect(&ray).map(|hit| hit.t)
     }
 
-    /// The first solid surface: where, and its unit normal turned towards the ray's origin.
-    pub fn surface(&self, from: Vec3, direction: Vec3) -> Option<(Vec3, Vec3)> {
+    /// The first solid surface.
+    pub fn surface(&self, from: Vec3, direction: Vec3) -> Option<Met> {
         let hit = self.solid.intersect(&ffi::Ray::new(from.into(), direction.into()))?;
         let normal = Vec3::from(hit.normal).normalize_or_zero();
-        Some((from + hit.t * direction, if normal.dot(direction) > 0.0 { -normal } else { normal }))
+        let is_back = normal.dot(direction) > 0.0;
+        Some(Met { distance: hit.t, normal: if is_back { -normal } else { normal }, is_back })
     }
 
     /// For each of up to sixteen segments, whether nothing solid and whether no glass is on the way.
@@ -103,6 +104,17 @@ impl Rays {
             reach: if n_clear < n { reach / (n - n_clear) as f32 } else { f32::INFINITY },
         }
     }
+}
+
+/// Where a ray in a unit direction ends.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Met {
+    /// Metres.
+    pub distance: f32,
+    /// Unit, turned towards the ray's origin.
+    pub normal: Vec3,
+    /// Whether the triangle's back is seen.
+    pub is_back: bool,
 }
 
 /// What a point sees all around.

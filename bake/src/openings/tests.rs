@@ -18,7 +18,7 @@ fn opened(name: &str) -> (Scene, Vec<Portal>) {
 }
 
 fn found(scene: &Scene, cells: usize, grouping: Grouping) -> Vec<Portal> {
-    find(scene, &Options { cells, grouping, ..Options::default() }, &Silent).unwrap()
+    find(scene, &Options { cells: Some(cells), grouping, ..Options::default() }, &Silent).unwrap()
 }
 
 fn area(portals: &[Portal]) -> f32 {
@@ -116,24 +116,26 @@ fn panes_between_bars_are_one_window() {
     let [window] = &joined[..] else { panic!("{} holes", joined.len()) };
     // Within the reveal, whose area is 1.0836 m².
     assert!((window.area() - 1.0836).abs() < 0.02, "{}", window.area());
-    let apart = Options { cells: 60_000, widest_bar: 0.0, grouping: Grouping::Apart, ..Options::default() };
+    let apart = Options { cells: Some(60_000), widest_bar: 0.0, grouping: Grouping::Apart, ..Options::default() };
     let panes = find(&scene, &apart, &Silent).unwrap();
     assert!(panes.len() == 4 || (panes.len() == 1 && panes[0].area() > 1.05), "{} holes", panes.len());
 }
 
 #[test]
 fn scenes_without_inside_or_outside_have_no_portals() {
-    let closed = cuboid(Vec3::ZERO, Vec3::ONE);
-    for scene in [built("plane:n=8"), built("sphere-on-plane:edge=0.4"), closed] {
-        assert!(found(&scene, 5_000, Grouping::Joined).is_empty());
+    let options = Options { cells: Some(5_000), ..Options::default() };
+    for scene in [built("plane:n=8"), built("sphere-on-plane:edge=0.4")] {
+        assert!(matches!(find(&scene, &options, &Silent), Err(Error::NoInterior)));
     }
+    let closed = cuboid(Vec3::ZERO, Vec3::ONE);
+    assert!(matches!(find(&closed, &options, &Silent), Err(Error::NoOpening)));
 }
 
 #[test]
 fn finding_is_the_same_on_any_number_of_threads() {
     let (scene, _) = opened("box-room:edge=0.4");
     let with =
-        |threads| find(&scene, &Options { cells: 10_000, threads, ..Options::default() }, &Silent).unwrap();
+        |threads| find(&scene, &Options { cells: Some(10_000), threads, ..Options::default() }, &Silent).unwrap();
     assert_eq!(with(1), with(3));
 }
 
@@ -141,7 +143,7 @@ fn finding_is_the_same_on_any_number_of_threads() {
 fn options_out_of_range_are_refused_in_one_line() {
     let scene = built("plane:n=2");
     let wrong = [
-        Options { cells: 10, ..Options::default() },
+        Options { cells: Some(10), ..Options::default() },
         Options { smallest_area: f32::NAN, ..Options::default() },
         Options { widest_bar: -1.0, ..Options::default() },
     ];
