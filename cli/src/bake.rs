@@ -21,11 +21,12 @@ pub fn run(arguments: &args::Bake) -> Result<()> {
     output::check_folder(&path)?;
     let portal_options = portals::options(&arguments.portals)?;
     let mut scene = scene::load(&arguments.scene, &arguments.read)?;
-    let portals = portals::take(&mut scene, &arguments.scene, &arguments.portals)?;
+    let mut portals = portals::take(&mut scene, &arguments.scene, &arguments.portals)?;
     let started = Instant::now();
     let asset = if portals.is_empty() {
         bake(&scene, &arguments.scene, &options)?
     } else {
+        portals::judge(&scene, &arguments.scene, &mut portals)?;
         bake_portals(&scene, &portals, &arguments.scene, &options, &portal_options)?
     };
     let bytes = asset.to_bytes().map_err(|e| anyhow!("{e}"))?;

@@ -86,12 +86,14 @@ fn picture(scene: &Scene, portals: &[Portal]) -> Result<Picture> {
         index: &index,
         albedo: &albedo,
     };
-    let shown = |p: &Portal| Shown {
-        triangles: p.triangles.clone(),
-        outline: p.outline(),
-        normal: p.normal,
+    let window = |(portal, w): (usize, Portal)| Shown {
+        portal,
+        outline: w.outline(),
+        normal: w.normal,
+        triangles: w.triangles,
     };
-    let portals: Vec<Shown> = portals.iter().map(shown).collect();
+    let windows = portals.iter().enumerate().flat_map(|(k, p)| p.windows().into_iter().map(move |w| (k, w)));
+    let portals: Vec<Shown> = windows.map(window).collect();
     lunette_render::show_portals(surface, &portals, PICTURE).map_err(|e| anyhow!("{e}"))
 }
 

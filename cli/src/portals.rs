@@ -1,7 +1,7 @@
 //! Portals from the command line.
 
 use anyhow::{Result, anyhow, ensure};
-use lunette_bake::{PortalOptions, Start};
+use lunette_bake::{PortalOptions, Start, openings};
 use lunette_scenes::{Portal, Scene};
 
 use crate::args;
@@ -26,6 +26,9 @@ pub fn take(scene: &mut Scene, name: &str, options: &args::PortalChoice) -> Resu
         lunette_scenes::unglaze(scene, &portals).map_err(|e| anyhow!("{e}"))?;
         portals
     } else {
+        if !options.no_portals {
+            warn_of_glass(scene, name);
+        }
         return Ok(Vec::new());
     };
     scene.report[n_said..].iter().for_each(|line| say(&format!("{name}: {line}")));
@@ -34,6 +37,29 @@ pub fn take(scene: &mut Scene, name: &str, options: &args::PortalChoice) -> Resu
         .map_err(|e| anyhow!("--nearest-exterior: {e}"))?;
     split.report.iter().for_each(|line| say(&format!("{name}: {line}")));
     Ok(split.portals)
+}
+
+/// Without portals glass lets no light in.
+fn warn_of_glass(scene: &Scene, name: &str) {
+    let glass = scene.materials.iter().enumerate().filter(|(_, m)| m.is_see_through());
+    let used: Vec<&str> = glass
+        .filter(|(i, _)| scene.mesh.material.contains(&(*i as u32)))
+        .map(|(_, m)| m.name.as_str())
+        .collect();
+    if let Some(first) = used.first() {
+        say(&format!(
+            "{name}: {} of glass, '{first}' for one, blocks light here; name windows with --portal, or let `lunette \
+             portals` find them",
+            if used.len() == 1 { "1 material".into() } else { format!("{} materials", used.len()) },
+        ));
+    }
+}
+
+/// Turns portals inwards, and says where they do not part inside from outside.
+pub fn judge(scene: &Scene, name: &str, portals: &mut [Portal]) -> Result<()> {
+    openings::orient(scene, portals).map_err(|e| anyhow!("{e}"))?;
+    warn_of_leaks(name, openings::leak_share(scene, portals).map_err(|e| anyhow!("{e}"))?);
+    Ok(())
 }
 
 /// Says where portals do not part inside from outside: more than [`LEAKY`] of the light enters elsewhere.

@@ -16,9 +16,11 @@ use crate::outline::draw_outlines;
 use crate::tracer::{Surface, Tracer};
 use crate::visibility;
 
-/// A portal to be shown.
+/// A window of a portal, to be shown.
 #[derive(Clone, Debug)]
 pub struct Shown {
+    /// The portal's number: windows of one portal have one colour.
+    pub portal: usize,
     /// Corners, metres.
     pub triangles: Vec<[Vec3; 3]>,
     /// The edges of its polygons.
@@ -96,7 +98,7 @@ impl Joined {
             portal_of: Vec::new(),
         };
         for (k, portal) in portals.iter().enumerate() {
-            let colour = COLOURS[k % COLOURS.len()].map(linear);
+            let colour = colour(portal).map(linear);
             for triangle in &portal.triangles {
                 let first = all.position.len() as u32;
                 all.position.extend(triangle);
@@ -110,15 +112,10 @@ impl Joined {
     }
 
     fn surface(&self) -> Surface<'_> {
-        Surface {
-            position: &self.position,
-            normal: &self.normal,
-            index: &self.index,
-            albedo: &self.albedo,
-        }
+        Surface { position: &self.position, normal: &self.normal, index: &self.index, albedo: &self.albedo }
     }
 
-    /// The portal that a triangle is of.
+    /// The window that a triangle is of.
     fn portal(&self, triangle: u32) -> Option<usize> {
         triangle.checked_sub(self.n_triangles).map(|t| self.portal_of[t as usize])
     }
@@ -134,6 +131,10 @@ impl Joined {
         };
         (0..self.position.len()).map(vertex).collect()
     }
+}
+
+fn colour(shown: &Shown) -> [u8; 3] {
+    COLOURS[shown.portal % COLOURS.len()]
 }
 
 /// sRGB to linear.
@@ -152,8 +153,8 @@ fn view(
     let seen = visibility::trace(tracer, camera, width, height)?;
     let image: Image = seen.shade(&all.surface(), &all.radiance(camera.eye), |_| SKY)?;
     let mut picture = tone_map(&image, Exposure::Stops(0.0));
-    for (k, portal) in portals.iter().enumerate() {
-        draw_outlines(&mut picture, camera, &portal.outline, COLOURS[k % COLOURS.len()])?;
+    for portal in portals {
+        draw_outlines(&mut picture, camera, &portal.outline, colour(portal))?;
     }
     Ok(picture)
 }

@@ -125,7 +125,7 @@ fn holes(space: &Space, links: &[CutLink], options: &Options) -> Vec<Portal> {
     let clusters = cluster::clusters(space.grid, links);
     let polygons: Vec<Vec<Vec3>> =
         clusters.par_iter().flat_map_iter(|links| outline::polygons(space, links)).collect();
-    let polygons = bars::joined(polygons, options.widest_bar);
+    let polygons = bars::joined(polygons, options.widest_bar, space.rays);
     let portal = |p: &Vec<Vec3>| Portal::from_polygons(OPENING, std::slice::from_ref(p), Vec3::ONE);
     let mut holes: Vec<Portal> =
         polygons.iter().filter_map(portal).filter(|p| p.area() >= options.smallest_area).collect();

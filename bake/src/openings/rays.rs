@@ -41,6 +41,11 @@ impl Rays {
         !self.solid.occluded(&ray) && !self.glass.as_ref().is_some_and(|g| g.occluded(&ray))
     }
 
+    /// Whether glass is on the way.
+    pub fn meets_glass(&self, from: Vec3, to: Vec3) -> bool {
+        self.glass.as_ref().is_some_and(|g| g.occluded(&segment(from, to)))
+    }
+
     /// How far along the segment, 0..=1, the first solid surface is.
     pub fn first(&self, from: Vec3, to: Vec3) -> Option<f32> {
         let ray = ffi::Ray { tfar: 1.0, ..ffi::Ray::new(from.into(), (to - from).into()) };

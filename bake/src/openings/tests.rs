@@ -1,7 +1,7 @@
 //! Portals of built-in scenes, with their panes and without, and of real ones where they are at hand.
 
 use glam::vec3;
-use lunette_scenes::{LoadOptions, load, take_portals};
+use lunette_scenes::{LoadOptions, load, take_portals, unglaze};
 
 use super::*;
 use crate::Silent;
@@ -106,6 +106,33 @@ fn drinking_glass_is_no_portal() {
 }
 
 #[test]
+fn thick_panes_are_found_once_and_taken_out_whole() {
+    // The pane as a box of glass, and as two sheets: its inner face is the portal.
+    for (thickness, with_edges) in [(0.01, true), (0.03, false)] {
+        let mut scene = opened("box-room:edge=0.4").0;
+        scene.materials.push(lunette_scenes::Material {
+            name: "double".into(),
+            transmission: Vec3::splat(0.8),
+            ..Default::default()
+        });
+        let mut pane = cuboid(vec3(-2.1 - thickness, 1.0, -0.8), vec3(-2.1, 2.2, 0.8));
+        // Its first four triangles are the faces across x.
+        let n = if with_edges { 12 } else { 4 };
+        pane.mesh.index.truncate(n);
+        let first = scene.mesh.index.len();
+        append(&mut scene, &pane);
+        scene.mesh.material[first..].fill(scene.materials.len() as u32 - 1);
+        let portals = found(&scene, 30_000, Grouping::Joined);
+        assert!(portals.len() == 1 && portals[0].name == "double", "{} portals", portals.len());
+        assert!((area(&portals) - 1.92).abs() < 1e-4 && portals[0].normal.x > 0.999, "{}", area(&portals));
+        assert_eq!(portals[0].centre().x, -2.1, "the inner face");
+        unglaze(&mut scene, &portals).unwrap();
+        assert_eq!(scene.mesh.index.len(), first);
+        assert_eq!(leak_share(&scene, &portals).unwrap(), 0.0);
+    }
+}
+
+#[test]
 fn panes_between_bars_are_one_window() {
     // Four panes of 0.6 x 0.4 m with bars of 0.06 m, in a wall of a closed room.
     let mut scene = opened("box-room:edge=0.4,window-width=1.26,window-height=0.86").0;
@@ -116,7 +143,8 @@ fn panes_between_bars_are_one_window() {
     let [window] = &joined[..] else { panic!("{} holes", joined.len()) };
     // Within the reveal, whose area is 1.0836 m².
     assert!((window.area() - 1.0836).abs() < 0.02, "{}", window.area());
-    let apart = Options { cells: Some(60_000), widest_bar: 0.0, grouping: Grouping::Apart, ..Options::default() };
+    let apart =
+        Options { cells: Some(60_000), widest_bar: 0.0, grouping: Grouping::Apart, ..Options::default() };
     let panes = find(&scene, &apart, &Silent).unwrap();
     assert!(panes.len() == 4 || (panes.len() == 1 && panes[0].area() > 1.05), "{} holes", panes.len());
 }
@@ -124,18 +152,19 @@ fn panes_between_bars_are_one_window() {
 #[test]
 fn scenes_without_inside_or_outside_have_no_portals() {
     let options = Options { cells: Some(5_000), ..Options::default() };
-    for scene in [built("plane:n=8"), built("sphere-on-plane:edge=0.4")] {
-        assert!(matches!(find(&scene, &options, &Silent), Err(Error::NoInterior)));
+    assert!(matches!(find(&built("plane:n=8"), &options, &Silent), Err(Error::NoInterior)));
+    // A ball is hollow.
+    for closed in [built("sphere-on-plane:edge=0.4"), cuboid(Vec3::ZERO, Vec3::ONE)] {
+        assert!(matches!(find(&closed, &options, &Silent), Err(Error::NoOpening)));
     }
-    let closed = cuboid(Vec3::ZERO, Vec3::ONE);
-    assert!(matches!(find(&closed, &options, &Silent), Err(Error::NoOpening)));
 }
 
 #[test]
 fn finding_is_the_same_on_any_number_of_threads() {
     let (scene, _) = opened("box-room:edge=0.4");
-    let with =
-        |threads| find(&scene, &Options { cells: Some(10_000), threads, ..Options::default() }, &Silent).unwrap();
+    let with = |threads| {
+        find(&scene, &Options { cells: Some(10_000), threads, ..Options::default() }, &Silent).unwrap()
+    };
     assert_eq!(with(1), with(3));
 }
 

@@ -194,6 +194,7 @@ impl Work<'_> {
         let mut store = RowStore::default();
         let mut worst = 0.0f32;
         let by_area = AtomicU64::new(0);
+        let n_lit = AtomicU64::new(0);
         let width = (order * order).max(1);
         for first in (0..n_vertices).step_by(BLOCK) {
             if self.progress.cancelled() {
@@ -207,6 +208,7 @@ impl Work<'_> {
                     |(row, encoder), &v| {
                         aim.row(v, source[v], row);
                         by_area.fetch_add(u64::from(row.by_area), Ordering::Relaxed);
+                        n_lit.fetch_add(u64::from(row.dense.iter().any(|x| *x != 0.0)), Ordering::Relaxed);
                         (encoder.encode(&row.dense), row.sh.clone())
                     },
                 )
@@ -220,6 +222,9 @@ impl Work<'_> {
             }
             let stage = format!("portal {}", self.portals[k].name);
             self.progress.report(&stage, (first + block.len()) as u64, n_vertices as u64);
+        }
+        if n_lit.into_inner() == 0 {
+            return Err(Error::UnseenPortal(self.portals[k].name.clone()));
         }
         report.lines.push(format!(
             "portal {}: {:.2} m², {} bytes of direct light per vertex ({} % of rows in Haar wavelets), at most {:.1} % of a row lost; area sampling at {} % of the vertices",

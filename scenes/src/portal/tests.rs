@@ -179,6 +179,10 @@ fn light_thrown_back_is_the_papers_car() {
     // 2 m² seen from 2.8 m take 2 % of the sphere.
     let portal = pane("screen", sheet(Vec3::ZERO, 2.0 * Vec3::X, Vec3::Y, 1, 1));
     assert!((thrown_back(std::slice::from_ref(&portal), 2.8) - 0.0203).abs() < 1e-4);
+    // A window of the same portal in the wall across is not seen from there.
+    let mut both = portal.triangles.clone();
+    both.extend(sheet(5.0 * Vec3::Z, 2.0 * Vec3::Y, Vec3::X, 1, 1));
+    assert!((thrown_back(&[pane("screen", both)], 2.8) - 0.0203).abs() < 1e-4);
     let split = split_portals(vec![portal], 1.0, 2.0).unwrap();
     assert!(split.report.iter().any(|line| line.contains("thrown back")), "{:?}", split.report);
 }
