@@ -13,10 +13,14 @@ use crate::{args, output, portals, scene};
 /// Width and height of the picture, pixels.
 const PICTURE: (usize, usize) = (1600, 700);
 
+/// Where more of the light enters elsewhere than through them, portals are none: the nook under a ball is no room.
+const USELESS: f32 = 0.5;
+
 /// `lunette portals`
 pub fn run(arguments: &args::Portals) -> Result<()> {
     let path = target(arguments)?;
     output::check_folder(&path)?;
+    output::check_folder(&picture_path(&path))?;
     let options = options(arguments);
     options.check().map_err(|e| anyhow!("{e}"))?;
     let mut scene = scene::load(&arguments.scene, &arguments.read)?;
@@ -25,14 +29,21 @@ pub fn run(arguments: &args::Portals) -> Result<()> {
     drop(bar);
     lunette_scenes::unglaze(&mut scene, &found).map_err(|e| anyhow!("{e}"))?;
     let elsewhere = openings::leak_share(&scene, &found).map_err(|e| anyhow!("{e}"))?;
+    ensure!(
+        elsewhere < USELESS,
+        "{}: no interior that portals would close: {:.0} % of the light enters beside what was found; bake it without, or \
+         write a portal file by hand",
+        arguments.scene,
+        100.0 * elsewhere
+    );
     let picture = picture(&scene, &found)?;
+    lunette_render::write_png(&picture_path(&path), &picture).map_err(|e| anyhow!("{e}"))?;
     lunette_scenes::write_portals(&path, &found).map_err(|e| anyhow!("{e}"))?;
-    let beside = picture_path(&path);
-    lunette_render::write_png(&beside, &picture).map_err(|e| anyhow!("{e}"))?;
     found.iter().for_each(|p| println!("{}", described(p)));
     println!("{:.1} % of the light that enters does so elsewhere", 100.0 * elsewhere);
     let area: f32 = found.iter().map(Portal::area).sum();
-    println!("{}: {} portals, {area:.3} m²", path.display(), found.len());
+    let n = found.len();
+    println!("{}: {n} portal{}, {area:.3} m²", path.display(), if n == 1 { "" } else { "s" });
     portals::warn_of_leaks(&arguments.scene, elsewhere);
     Ok(())
 }

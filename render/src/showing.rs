@@ -46,7 +46,11 @@ const OUTSIDE_FOV: f32 = 35.0;
 /// Portals of less than this share of the largest one's area are not looked for, and of a picture no portal needs more
 /// than this.
 const LARGE: f32 = 0.2;
-const ENOUGH: f32 = 0.04;
+const ENOUGH: f32 = 0.015;
+
+/// What the scene itself is worth, where it fills this much of the picture and more: portals alone show nothing.
+const SCENE_WORTH: f32 = 0.1;
+const SCENE_ENOUGH: f32 = 0.6;
 
 /// Portals, and triangles of each, from which the inside eye backs off; and where on the way to the wall it may stop.
 const MOST_ASKED: usize = 16;
@@ -199,15 +203,18 @@ fn backing_off_from(tracer: &Tracer, triangle: &[Vec3; 3]) -> Vec<Camera> {
 fn score(tracer: &Tracer, all: &Joined, is_large: &[bool], camera: &Camera) -> f32 {
     let [columns, rows] = TRIED;
     let Ok(view) = camera.view(columns, rows) else { return f32::NEG_INFINITY };
-    let mut share = vec![0.0; is_large.len()];
+    let (mut share, mut scene) = (vec![0.0; is_large.len()], 0.0);
+    let ray = 1.0 / (columns * rows) as f32;
     for i in 0..columns * rows {
         let d = view.direction((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5);
-        let hit = tracer.first_contact(camera.eye, d);
-        if let Some(k) = hit.and_then(|contact| all.portal(contact.triangle)) {
-            share[k] += 1.0 / (columns * rows) as f32;
+        let Some(contact) = tracer.first_contact(camera.eye, d) else { continue };
+        match all.portal(contact.triangle) {
+            Some(k) => share[k] += ray,
+            None => scene += ray,
         }
     }
-    share.iter().zip(is_large).filter(|(_, large)| **large).map(|(s, _)| s.min(ENOUGH)).sum()
+    let large = share.iter().zip(is_large).filter(|(_, large)| **large);
+    large.map(|(s, _)| s.min(ENOUGH)).sum::<f32>() + SCENE_WORTH * f32::min(scene, SCENE_ENOUGH)
 }
 
 /// Before the side of the portals that has most area, from a little above, with all of them in the picture.

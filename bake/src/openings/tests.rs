@@ -119,6 +119,8 @@ fn thick_panes_are_found_once_and_taken_out_whole() {
         // Its first four triangles are the faces across x.
         let n = if with_edges { 12 } else { 4 };
         pane.mesh.index.truncate(n);
+        pane.mesh.material.truncate(n);
+        pane.mesh.group.truncate(n);
         let first = scene.mesh.index.len();
         append(&mut scene, &pane);
         scene.mesh.material[first..].fill(scene.materials.len() as u32 - 1);
