@@ -168,6 +168,9 @@ pub struct Portals {
     /// Replace the default portal file, which may have been edited by hand
     #[arg(long)]
     pub force: bool,
+    /// Size of the picture in pixels, for its two views side by side
+    #[arg(long, value_name = "WxH", default_value = "1600x700")]
+    pub size: String,
     /// What shares a portal and its shell of outside light: joined, one for each glass and one for all plain holes
     /// (everything outside is far away), or apart, one for each window
     #[arg(long, default_value = "joined", value_parser = ["joined", "apart"])]

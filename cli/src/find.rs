@@ -8,10 +8,7 @@ use lunette_render::{Picture, Shown, Surface};
 use lunette_scenes::{Portal, Scene};
 
 use crate::progress::Bar;
-use crate::{args, output, portals, scene};
-
-/// Width and height of the picture, pixels.
-const PICTURE: (usize, usize) = (1600, 700);
+use crate::{args, output, portals, scene, stage};
 
 /// Where more of the light enters elsewhere than through them, portals are none: the nook under a ball is no room.
 const USELESS: f32 = 0.5;
@@ -21,6 +18,8 @@ pub fn run(arguments: &args::Portals) -> Result<()> {
     let path = target(arguments)?;
     output::check_folder(&path)?;
     output::check_folder(&picture_path(&path))?;
+    let size = stage::parse_size(&arguments.size)?;
+    ensure!(size.0 >= 2, "--size: two views need 2 pixels of width");
     let options = options(arguments);
     options.check().map_err(|e| anyhow!("{e}"))?;
     let mut scene = scene::load(&arguments.scene, &arguments.read)?;
@@ -36,7 +35,7 @@ pub fn run(arguments: &args::Portals) -> Result<()> {
         arguments.scene,
         100.0 * elsewhere
     );
-    let picture = picture(&scene, &found)?;
+    let picture = picture(&scene, &found, size)?;
     lunette_render::write_png(&picture_path(&path), &picture).map_err(|e| anyhow!("{e}"))?;
     lunette_scenes::write_portals(&path, &found).map_err(|e| anyhow!("{e}"))?;
     found.iter().for_each(|p| println!("{}", described(p)));
@@ -86,7 +85,7 @@ fn picture_path(path: &Path) -> PathBuf {
 }
 
 /// The portals in the scene without its glass.
-fn picture(scene: &Scene, portals: &[Portal]) -> Result<Picture> {
+fn picture(scene: &Scene, portals: &[Portal], size: (usize, usize)) -> Result<Picture> {
     let opaque = |t: &usize| !scene.materials[scene.mesh.material[*t] as usize].is_see_through();
     let index: Vec<[u32; 3]> =
         (0..scene.mesh.index.len()).filter(opaque).map(|t| scene.mesh.index[t]).collect();
@@ -105,7 +104,7 @@ fn picture(scene: &Scene, portals: &[Portal]) -> Result<Picture> {
     };
     let windows = portals.iter().enumerate().flat_map(|(k, p)| p.windows().into_iter().map(move |w| (k, w)));
     let portals: Vec<Shown> = windows.map(window).collect();
-    lunette_render::show_portals(surface, &portals, PICTURE).map_err(|e| anyhow!("{e}"))
+    lunette_render::show_portals(surface, &portals, size).map_err(|e| anyhow!("{e}"))
 }
 
 /// Name, polygons, area, centre and normal.

@@ -52,6 +52,7 @@ fn options_of_the_search_that_are_absurd_are_named() {
         ("--cells", &["0", "999", "20000001", "-1", "x", ""][..]),
         ("--smallest-area", &["-1", "nan", "inf", "x"]),
         ("--widest-bar", &["-1", "nan", "inf", "x"]),
+        ("--size", &["0x0", "1x10", "10", "99999x2"]),
         ("--group", &["", "all"]),
         ("--seed", &["-1", "x"]),
         ("--threads", &["-1", "x"]),

@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 use lunette_relight::asset::{Asset, Data};
 
 /// Enough for a room with one window, in a second.
-const CELLS: [&str; 2] = ["--cells", "20000"];
+const EFFORT: [&str; 4] = ["--cells", "20000", "--size", "320x140"];
 
 struct Folder(tempfile::TempDir);
 
@@ -37,7 +37,7 @@ impl Folder {
     }
 
     fn portals(&self, arguments: &[&str]) -> (String, String) {
-        self.run(&[&["portals"], arguments, &CELLS].concat())
+        self.run(&[&["portals"], arguments, &EFFORT].concat())
     }
 
     /// A room of 3017 vertices with a pane, and the same with a hole.
@@ -103,9 +103,10 @@ fn pane_is_found_listed_written_and_drawn() {
     // Both halves of the picture show the pane in the first colour, 230 159 0.
     let picture = image::open(folder.path("box-room.portals.png")).unwrap().to_rgb8();
     let (picture, width, half) = (&picture, picture.width() as usize, picture.width() as usize / 2);
+    // Tone mapping takes a little off what is bright.
+    let is_orange = |[r, g, b]: [u8; 3]| r > 200 && (130..180).contains(&g) && b < 40;
     let n_orange = |from: usize| {
-        let row =
-            |y: u32| (from..from + half).filter(move |x| picture.get_pixel(*x as u32, y).0 == [230, 159, 0]);
+        let row = |y: u32| (from..from + half).filter(move |x| is_orange(picture.get_pixel(*x as u32, y).0));
         (0..picture.height()).flat_map(row).count()
     };
     // A hundredth of each half: the window is what they look at.
