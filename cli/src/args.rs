@@ -176,7 +176,7 @@ pub struct Portals {
     #[arg(long, default_value = "joined", value_parser = ["joined", "apart"])]
     pub group: String,
     /// Cells of the search grid, 1000 to 20000000: a hole narrower than a cell may be missed; time and memory grow with
-    /// them [default: cells of 0.15 m, but 120000 to 1000000 of them]
+    /// them [default: cells of 0.15 m, but 300000 to 1000000 of them]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub cells: Option<usize>,
     /// Leave out holes of less than this, m²: cracks

@@ -49,7 +49,7 @@ const JITTER: f32 = 0.15;
 /// Edge of a cell where nobody asks for another, metres: panes between bars are seldom narrower. With the least number
 /// of cells for small models, and the most for large ones or those in centimetres.
 const USUAL_CELL: f32 = 0.15;
-const USUAL_CELLS: [usize; 2] = [120_000, 1_000_000];
+const USUAL_CELLS: [usize; 2] = [300_000, 1_000_000];
 
 /// Cubes of space.
 pub(super) struct Grid {

@@ -50,7 +50,7 @@ pub enum Grouping {
 /// How to look for openings.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Cells of the grid around the interior, 1,000..=20,000,000; none makes them 0.15 m wide, but no fewer than 120,000
+    /// Cells of the grid around the interior, 1,000..=20,000,000; none makes them 0.15 m wide, but no fewer than 300,000
     /// and no more than 1,000,000. Time and memory (150 bytes each) grow with it; an opening narrower than a cell may
     /// be missed.
     pub cells: Option<usize>,

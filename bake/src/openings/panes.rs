@@ -23,6 +23,12 @@ const NEAR: f32 = 0.05;
 /// Triangles of one face of a thick pane: cosine of the largest angle, 60 degrees.
 const SAME_FACE: f32 = 0.5;
 
+/// Panes of one window: cosine of the largest angle between them, 15 degrees, and the farthest that one may lie off the
+/// other's plane and beside it, metres.
+const PARALLEL: f32 = 0.966;
+const SAME_PLANE: f32 = 0.05;
+const BESIDE: f32 = 0.5;
+
 /// Thickest glazing, metres.
 const GLAZING: f32 = 0.1;
 
@@ -41,10 +47,36 @@ pub(super) fn find(scene: &Scene, space: &Space, links: &[CutLink]) -> Vec<Porta
         let material = &scene.materials[material as usize];
         Portal::new(&material.name, triangles, material.transmission)
     };
-    let panes = of_material.into_iter().filter_map(portal);
-    panes
-        .flat_map(|glass| innermost(glass.windows().iter().flat_map(|w| windows(w, space)).collect()))
-        .collect()
+    let pieces = of_material.into_iter().filter_map(portal).flat_map(|glass| glass.windows());
+    let judged: Vec<(Portal, Vec<Portal>)> = pieces
+        .map(|piece| {
+            let windows = windows(&piece, space);
+            (piece, windows)
+        })
+        .collect();
+    let sure: Vec<Portal> = judged.iter().flat_map(|(_, windows)| windows.clone()).collect();
+    let windows = |(piece, windows): (Portal, Vec<Portal>)| match windows.is_empty() {
+        true => continuing(piece, &sure).into_iter().collect(),
+        false => windows,
+    };
+    innermost(judged.into_iter().flat_map(windows).collect())
+}
+
+/// A pane that is no window by its own sides, behind tracery or finer than the cells, but lies in the plane of one that
+/// is, beside it.
+fn continuing(mut pane: Portal, windows: &[Portal]) -> Option<Portal> {
+    let (middle, reach) = (pane.centre(), pane.extent());
+    let continues = |window: &&Portal| {
+        let is_flat = |p: &Vec3| (*p - window.centre()).dot(window.normal).abs() < SAME_PLANE;
+        middle.distance(window.centre()) < reach + window.extent() + BESIDE
+            && pane.normal.dot(window.normal).abs() > PARALLEL
+            && pane.triangles.iter().flatten().all(is_flat)
+    };
+    let window = windows.iter().find(continues)?;
+    if pane.normal.dot(window.normal) < 0.0 {
+        pane.flip();
+    }
+    Some(pane)
 }
 
 /// A piece of glass if it is a window, and of a thick pane its faces, all turned inside.
