@@ -43,7 +43,8 @@ pub fn run(arguments: &args::Portals) -> Result<()> {
     let area: f32 = found.iter().map(Portal::area).sum();
     let n = found.len();
     println!("{}: {n} portal{}, {area:.3} m²", path.display(), if n == 1 { "" } else { "s" });
-    portals::warn_of_leaks(&arguments.scene, elsewhere);
+    let what_to_do = "look for it in the picture, and give more --cells for narrower holes";
+    portals::warn_of_leaks(&arguments.scene, elsewhere, what_to_do);
     Ok(())
 }
 

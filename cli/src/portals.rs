@@ -58,16 +58,18 @@ fn warn_of_glass(scene: &Scene, name: &str) {
 /// Turns portals inwards, and says where they do not part inside from outside.
 pub fn judge(scene: &Scene, name: &str, portals: &mut [Portal]) -> Result<()> {
     openings::orient(scene, portals).map_err(|e| anyhow!("{e}"))?;
-    warn_of_leaks(name, openings::leak_share(scene, portals).map_err(|e| anyhow!("{e}"))?);
+    let elsewhere = openings::leak_share(scene, portals).map_err(|e| anyhow!("{e}"))?;
+    warn_of_leaks(name, elsewhere, "`lunette portals` may find where");
     Ok(())
 }
 
-/// Says where portals do not part inside from outside: more than [`LEAKY`] of the light enters elsewhere.
-pub fn warn_of_leaks(name: &str, elsewhere: f32) {
+/// Says where portals do not part inside from outside, more than [`LEAKY`] of the light entering elsewhere, and what to
+/// do.
+pub fn warn_of_leaks(name: &str, elsewhere: f32, what_to_do: &str) {
     if elsewhere > LEAKY {
         say(&format!(
             "{name}: the portals do not part inside from outside: {:.1} % of the light that enters does so elsewhere, \
-             and will be missing",
+             and will be missing; {what_to_do}",
             100.0 * elsewhere
         ));
     }

@@ -34,7 +34,7 @@ use grid::Grid;
 use outline::Space;
 use rays::Rays;
 
-/// Name of the portal of plain holes.
+/// Name of the portal of plain holes, unless there is glass of that name.
 pub const OPENING: &str = "opening";
 
 /// Which holes share a portal, and with it a shell of outside light.
@@ -112,7 +112,8 @@ pub fn find(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result
         let links = cut::cut_links(&grid, &sides);
         let space = Space { rays: &rays, grid: &grid, sides: &sides };
         let mut found = panes::find(scene, &space, &links);
-        found.extend(holes(&space, &links, options));
+        let name = if found.iter().any(|p| p.name == OPENING) { "plain opening" } else { OPENING };
+        found.extend(holes(&space, &links, name, options));
         if found.is_empty() {
             return Err(Error::NoOpening);
         }
@@ -121,18 +122,19 @@ pub fn find(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result
 }
 
 /// Plain holes, each a portal, the largest first.
-fn holes(space: &Space, links: &[CutLink], options: &Options) -> Vec<Portal> {
+fn holes(space: &Space, links: &[CutLink], name: &str, options: &Options) -> Vec<Portal> {
     let clusters = cluster::clusters(space.grid, links);
     let polygons: Vec<Vec<Vec3>> =
         clusters.par_iter().flat_map_iter(|links| outline::polygons(space, links)).collect();
     let polygons = bars::joined(polygons, options.widest_bar, space.rays);
-    let portal = |p: &Vec<Vec3>| Portal::from_polygons(OPENING, std::slice::from_ref(p), Vec3::ONE);
+    let portal = |p: &Vec<Vec3>| Portal::from_polygons(name, std::slice::from_ref(p), Vec3::ONE);
     let mut holes: Vec<Portal> =
         polygons.iter().filter_map(portal).filter(|p| p.area() >= options.smallest_area).collect();
     holes.sort_by(|a, b| b.area().total_cmp(&a.area()));
     holes
 }
 
+/// Portals by name, each name once, as portal files have it: numbers at the end of all of them keep names apart.
 fn grouped(found: Vec<Portal>, grouping: Grouping) -> Vec<Portal> {
     let mut names: Vec<&str> = Vec::new();
     found.iter().for_each(|p| {

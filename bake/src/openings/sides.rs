@@ -30,10 +30,12 @@ const LOOKS: u64 = 16;
 pub fn orient(scene: &Scene, portals: &mut [Portal]) -> Result<usize, Error> {
     let rays = Rays::solid(scene)?;
     let lift = lift(scene);
+    let pool = crate::pool(0)?;
     let mut n_turned = 0;
     for portal in portals {
         let mut windows = portal.windows();
-        let turned = windows.par_iter().map(|w| looks_out(&rays, w, lift)).collect::<Vec<_>>();
+        let turned: Vec<bool> =
+            pool.install(|| windows.par_iter().map(|w| looks_out(&rays, w, lift)).collect());
         let n = turned.iter().filter(|t| **t).count();
         if n == 0 {
             continue;
@@ -67,8 +69,9 @@ fn looks_out(rays: &Rays, window: &Portal, lift: f32) -> bool {
 /// Inside is what is reached from the portals by paths that stay inside. `scene` is without the portals' triangles,
 /// the portals' normals point inside; glass that is in no portal counts as a hole. 0 where no ray escapes at all.
 ///
-/// Where it breaks: what opens beyond [`BOUNCES`] corners is not found; a room whose walls are seen from behind, in a
-/// scene whose other walls are not, is taken for solid matter.
+/// Where it breaks: what opens beyond eight corners is not found; a room whose walls are seen from behind, in a scene
+/// whose other walls are not, is taken for solid matter; and since paths begin at the portals, what enters beside them
+/// counts the less, the less the same walls see of both.
 ///
 /// # Errors
 /// When the scene has nothing that blocks light, or Embree cannot be had.
@@ -77,9 +80,10 @@ pub fn leak_share(scene: &Scene, portals: &[Portal]) -> Result<f32, Error> {
     let Some(gates) = portal_tree(portals)? else { return Ok(0.0) };
     let start = Start::new(portals);
     let paths = Paths { rays: &rays, gates: &gates, lift: lift(scene), backs: Backs::Solid };
-    let mut count = paths.count(&start);
+    let pool = crate::pool(0)?;
+    let mut count = pool.install(|| paths.count(&start));
     if 2 * count.ended > PATHS as u64 {
-        count = Paths { backs: Backs::Walls, ..paths }.count(&start);
+        count = pool.install(|| Paths { backs: Backs::Walls, ..paths }.count(&start));
     }
     Ok(if count.escaped == 0 { 0.0 } else { count.leaked as f32 / count.escaped as f32 })
 }

@@ -80,6 +80,18 @@ fn holes_have_nearly_the_area_of_their_panes() {
 }
 
 #[test]
+fn names_of_portals_are_unique() {
+    let pane = |name: &str, z: f32| {
+        let corners = [vec3(0.0, 0.0, z), vec3(1.0, 0.0, z), vec3(0.0, 1.0, z)];
+        Portal::new(name, vec![corners], Vec3::ONE).unwrap()
+    };
+    let found = vec![pane("glass", 0.0), pane("glass", 1.0), pane("glass 2", 2.0)];
+    let names = |grouping| grouped(found.clone(), grouping).into_iter().map(|p| p.name).collect::<Vec<_>>();
+    assert_eq!(names(Grouping::Joined), ["glass", "glass 2"]);
+    assert_eq!(names(Grouping::Apart), ["glass 1", "glass 2", "glass 2 1"]);
+}
+
+#[test]
 fn wall_that_is_missing_is_one_hole() {
     // A cube without its front, with a block inside that hides a quarter of a smaller section.
     let mut scene = cuboid(vec3(-1.0, 0.0, -1.0), vec3(1.0, 2.0, 1.0));
