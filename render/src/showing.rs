@@ -251,3 +251,47 @@ fn beside(left: &Picture, right: &Picture) -> Picture {
     let pixels = rows.flat_map(|(l, r)| l.iter().chain(r).copied()).collect();
     Picture { width, height: left.height, pixels }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::test_scenes::closed_box;
+
+    /// Pixels of a colour, within what tone mapping takes off, in each half.
+    fn n_coloured(picture: &Picture, colour: [u8; 3]) -> [usize; 2] {
+        let near = |p: &&[u8; 3]| p.iter().zip(colour).all(|(a, b)| a.abs_diff(b) < 24);
+        let rows = || picture.pixels.chunks(picture.width);
+        let half = picture.width / 2;
+        [
+            rows().map(|row| row[..half].iter().filter(near).count()).sum(),
+            rows().map(|row| row[half..].iter().filter(near).count()).sum(),
+        ]
+    }
+
+    #[test]
+    fn window_is_seen_from_inside_and_through_its_wall() {
+        let room = closed_box(Vec3::new(4.0, 3.0, 5.0));
+        // Just inside of the wall, so that from outside only its outline shows.
+        let corner = |x: f32, y: f32| Vec3::new(x, y, 2.49);
+        let [a, b, c, d] = [corner(-0.6, -0.5), corner(-0.6, 0.5), corner(0.6, 0.5), corner(0.6, -0.5)];
+        let window = Shown {
+            portal: 1,
+            triangles: vec![[a, b, c], [a, c, d]],
+            outline: vec![[a, b], [b, c], [c, d], [d, a]],
+            normal: -Vec3::Z,
+        };
+        let picture = show_portals(room.surface(), std::slice::from_ref(&window), (240, 100)).unwrap();
+        assert_eq!((picture.width, picture.height), (240, 100));
+        let [inside, outside] = n_coloured(&picture, COLOURS[1]);
+        // Enough of a picture, and all of it lines of two or three pixels around what is a good part of the other.
+        assert!(inside as f32 > ENOUGH * 12000.0, "{inside}");
+        assert!(outside > 60 && outside < 2000, "{outside}");
+        assert_eq!(n_coloured(&picture, COLOURS[0]), [0, 0]);
+    }
+
+    #[test]
+    fn picture_without_pixels_is_refused() {
+        let room = closed_box(Vec3::ONE);
+        assert!(show_portals(room.surface(), &[], (0, 10)).is_err());
+    }
+}

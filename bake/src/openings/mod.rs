@@ -8,8 +8,11 @@
 //! Based on: Yue et al., Interactive Rendering of Interior Scenes with Dynamic Environment Illumination, 2009, whose
 //! portals have to be given.
 //!
-//! Where it breaks: see the parts; and what is inside and what outside is a matter of opinion for arcades, porches
-//! and courtyards. Portals are proposals, to be looked at.
+//! Where it breaks: see the parts. An opening narrower than a cell may be missed, and one of a cell or two comes out
+//! ragged or tilted: more cells help. Where a wall and its corner are missing, as at the open end of a corridor, flat
+//! polygons overlap and leave gaps. What is inside and what outside is a matter of opinion for arcades, porches and
+//! courtyards; the nook under a ball counts as inside. [`leak_share`] tells how much light enters beside what was found.
+//! Portals are proposals, to be looked at.
 
 mod bars;
 mod cluster;
