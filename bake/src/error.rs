@@ -19,6 +19,12 @@ pub enum Error {
     Threads(String),
     /// A tensor would not fit its file.
     TooLarge(String),
+    /// Nothing in the scene is inside.
+    NoInterior,
+    /// The inside is closed.
+    NoOpening,
+    /// No vertex sees a portal.
+    UnseenPortal(String),
     /// [`crate::Progress::cancelled`] said so.
     Cancelled,
 }
@@ -31,6 +37,19 @@ impl std::fmt::Display for Error {
             Error::EmptyScene => write!(f, "the scene has no triangle; give one that has"),
             Error::Threads(why) => write!(f, "cannot start threads ({why}); try a smaller --threads"),
             Error::TooLarge(why) => write!(f, "{why}"),
+            Error::NoInterior => {
+                write!(f, "nothing is inside: most of the sky is seen everywhere; bake it without portals")
+            }
+            Error::NoOpening => write!(
+                f,
+                "nothing leads from inside to outside; a hole may be narrower than a cell of the grid (more --cells) or \
+                 too small (--smallest-area)"
+            ),
+            Error::UnseenPortal(name) => write!(
+                f,
+                "portal '{name}' is seen from no vertex: it lies behind a wall or outside; take it out, or move it into \
+                 its opening"
+            ),
             Error::Cancelled => write!(f, "stopped before the end; nothing was written"),
         }
     }

@@ -24,6 +24,8 @@ pub enum Command {
     Scene(Scene),
     /// Bake a scene's transfer into one file
     Bake(Bake),
+    /// Find an interior's windows and holes, and write them as portals for bake
+    Portals(Portals),
     /// Light a baked scene: a picture, or irradiance per vertex
     Relight(Relight),
     /// Path-trace the reference: a picture, or irradiance per vertex
@@ -182,6 +184,45 @@ pub struct PortalChoice {
     /// Share of the energy of bounced SH light that --order auto holds, percent
     #[arg(long, value_name = "PERCENT", default_value_t = 95.0, allow_negative_numbers = true)]
     pub energy: f64,
+}
+
+/// `lunette portals`
+#[derive(Args)]
+pub struct Portals {
+    /// A scene, as for bake
+    pub scene: String,
+    /// The portal file, replaced if there is one; the picture lies beside it [default: SCENE.portals.json, where bake
+    /// looks for it]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace the default portal file, which may have been edited by hand
+    #[arg(long)]
+    pub force: bool,
+    /// Size of the picture in pixels, for its two views side by side
+    #[arg(long, value_name = "WxH", default_value = "1600x700")]
+    pub size: String,
+    /// What shares a portal and its shell of outside light: joined, one for each glass and one for all plain holes
+    /// (everything outside is far away), or apart, one for each window
+    #[arg(long, default_value = "joined", value_parser = ["joined", "apart"])]
+    pub group: String,
+    /// Cells of the search grid, 1000 to 20000000: a hole narrower than a cell may be missed; time and memory grow with
+    /// them [default: cells of 0.15 m, but 300000 to 1000000 of them]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub cells: Option<usize>,
+    /// Leave out holes of less than this, m²: cracks
+    #[arg(long, value_name = "M2", default_value_t = 0.01, allow_negative_numbers = true)]
+    pub smallest_area: f32,
+    /// Holes with bars of up to this width between them are one window, metres; 0 joins none
+    #[arg(long, value_name = "METRES", default_value_t = 0.2, allow_negative_numbers = true)]
+    pub widest_bar: f32,
+    /// Seed of every random choice
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub seed: u64,
+    /// Threads; 0 takes all cores
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
+    pub threads: usize,
+    #[command(flatten)]
+    pub read: SceneOptions,
 }
 
 /// What shines.

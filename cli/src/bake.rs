@@ -23,7 +23,10 @@ pub fn run(arguments: &args::Bake) -> Result<()> {
     output::check_folder(&path)?;
     let portal_options = portals::options(&arguments.portals, arguments.effort.order)?;
     let mut scene = scene::load(&arguments.scene, &arguments.read)?;
-    let portals = portals::take(&mut scene, &arguments.scene, &arguments.portals.openings)?;
+    let mut portals = portals::take(&mut scene, &arguments.scene, &arguments.portals.openings)?;
+    if !portals.is_empty() {
+        portals::judge(&scene, &arguments.scene, &mut portals)?;
+    }
     if asked.is_empty() && !portals.is_empty() {
         options.basis = vec![Basis::Haar, Basis::Sh, Basis::DirectToIndirect];
     }

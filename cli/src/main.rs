@@ -6,6 +6,7 @@ mod compare;
 mod day;
 mod demo;
 mod engine;
+mod find;
 mod info;
 mod judge;
 mod light;
@@ -34,6 +35,7 @@ fn main() -> ExitCode {
         Command::Demo(a) => demo::run(a),
         Command::Scene(a) => scene::run(a),
         Command::Bake(a) => bake::run(a),
+        Command::Portals(a) => find::run(a),
         Command::Relight(a) => relight::run(a),
         Command::Render(a) => render::run(a),
         Command::Compare(a) => compare::run(a),

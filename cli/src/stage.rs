@@ -24,10 +24,15 @@ pub fn surface<'a>(asset: &'a Asset) -> Surface<'a> {
     }
 }
 
-/// Width and height from `WxH`.
+/// Width and height of the picture asked for.
 pub fn size(options: &PictureOptions) -> Result<(usize, usize)> {
-    let wrong = || anyhow!("--size: '{}' is not WIDTHxHEIGHT in 1..={LONGEST_SIDE}", options.size);
-    let (w, h) = options.size.split_once('x').ok_or_else(wrong)?;
+    parse_size(&options.size)
+}
+
+/// Width and height from `WxH`.
+pub fn parse_size(text: &str) -> Result<(usize, usize)> {
+    let wrong = || anyhow!("--size: '{text}' is not WIDTHxHEIGHT in 1..={LONGEST_SIDE}");
+    let (w, h) = text.split_once('x').ok_or_else(wrong)?;
     let side = |s: &str| s.parse().ok().filter(|n| (1..=LONGEST_SIDE).contains(n)).ok_or_else(wrong);
     let (w, h) = (side(w)?, side(h)?);
     ensure!(w * h <= MOST_PIXELS, "--size: {w} x {h} is more than {MOST_PIXELS} pixels");

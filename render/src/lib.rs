@@ -26,6 +26,7 @@ mod image_file;
 mod measure;
 mod outline;
 mod reference;
+mod showing;
 mod tracer;
 mod visibility;
 
@@ -42,5 +43,6 @@ pub use outline::draw_outlines;
 pub use reference::{
     N_BATCHES, Reference, ReferenceImage, ReferenceOptions, reference_image, reference_irradiance,
 };
+pub use showing::{Shown, show_portals};
 pub use tracer::{Gloss, Surface, Tracer};
 pub use visibility::{Visibility, trace, vertex_radiance};

@@ -17,12 +17,14 @@ mod split;
 mod take;
 #[cfg(test)]
 mod tests;
+mod unglaze;
 
 use glam::{DVec3, Vec3};
 
 pub use sidecar::{SIDECAR_FORMAT, SIDECAR_VERSION, read_portals, sidecar_path, write_portals};
 pub use split::{MOST_THROWN_BACK, Split, split_portals, thrown_back};
 pub use take::take_portals;
+pub use unglaze::unglaze;
 
 use crate::{polygon, repair};
 

@@ -61,6 +61,16 @@ impl Default for Material {
     }
 }
 
+/// Least transmission, in the channel that has most, of glass. Exporters write `d 0.999` for what is opaque.
+const GLASS: f32 = 0.02;
+
+impl Material {
+    /// Whether it lets light through that is worth a portal.
+    pub fn is_see_through(&self) -> bool {
+        self.transmission.max_element() >= GLASS
+    }
+}
+
 impl Scene {
     /// Diffuse reflectance of each vertex, \[V\]: that of its material.
     pub fn vertex_albedo(&self) -> Vec<Vec3> {

@@ -6,14 +6,20 @@
 
 use glam::{Vec2, Vec3};
 
+use super::rays::Rays;
+
 /// Panes of one window face the same way: cosine of the largest angle, 15 degrees.
 const ALIKE: f32 = 0.966;
 
 /// Less of the hull than this share open is no window with bars.
 const LEAST_OPEN: f32 = 0.5;
 
-/// Polygons with those that are no more than `widest_bar` metres apart joined.
-pub(super) fn joined(mut polygons: Vec<Vec<Vec3>>, widest_bar: f32) -> Vec<Vec<Vec3>> {
+/// More of the hull than this share with glass, and the holes are those that coloured panes leave.
+const MOST_GLAZED: f32 = 0.05;
+
+/// Polygons with those that are no more than `widest_bar` metres apart joined, but not over glass that lies between
+/// them.
+pub(super) fn joined(mut polygons: Vec<Vec<Vec3>>, widest_bar: f32, rays: &Rays) -> Vec<Vec<Vec3>> {
     if widest_bar == 0.0 {
         return polygons;
     }
@@ -33,7 +39,7 @@ pub(super) fn joined(mut polygons: Vec<Vec<Vec3>>, widest_bar: f32) -> Vec<Vec<V
             }
             at += 1;
         }
-        windows.extend(whole(window));
+        windows.extend(whole(window, widest_bar, rays));
     }
     windows
 }
@@ -65,7 +71,7 @@ fn distance(a: &[Vec3], b: &[Vec3]) -> f32 {
 }
 
 /// One polygon around all panes, or the panes where they fill too little of it.
-fn whole(panes: Vec<Vec<Vec3>>) -> Vec<Vec<Vec3>> {
+fn whole(panes: Vec<Vec<Vec3>>, reach: f32, rays: &Rays) -> Vec<Vec<Vec3>> {
     let total: Vec3 = panes.iter().map(|p| vector(p)).sum();
     let Some(normal) = total.try_normalize().filter(|_| panes.len() > 1) else { return panes };
     let (u, v) = axes(normal);
@@ -74,7 +80,23 @@ fn whole(panes: Vec<Vec<Vec3>>) -> Vec<Vec<Vec3>> {
         / panes.iter().map(|p| vector(p).length()).sum::<f32>();
     let flat: Vec<Vec2> = corners.iter().map(|c| Vec2::new(c.dot(u), c.dot(v))).collect();
     let hull: Vec<Vec3> = hull(flat).into_iter().map(|p| p.x * u + p.y * v + height * normal).collect();
-    if total.length() >= LEAST_OPEN * vector(&hull).length() { vec![hull] } else { panes }
+    let is_window = total.length() >= LEAST_OPEN * vector(&hull).length();
+    if is_window && glazed_share(&hull, reach * normal, rays) < MOST_GLAZED { vec![hull] } else { panes }
+}
+
+/// Of points in a convex polygon, how many have glass before or behind them.
+fn glazed_share(polygon: &[Vec3], reach: Vec3, rays: &Rays) -> f32 {
+    const N: usize = 12;
+    let middle = polygon.iter().sum::<Vec3>() / polygon.len() as f32;
+    let point = |i: usize| {
+        // From the middle to a place on the border, evenly over the area.
+        let (around, outwards) = ((i % N) as f32 / N as f32, ((i / N) as f32 + 0.5) / N as f32);
+        let at = around * polygon.len() as f32;
+        let (corner, next) = (at as usize, (at as usize + 1) % polygon.len());
+        middle.lerp(polygon[corner].lerp(polygon[next], at.fract()), outwards.sqrt())
+    };
+    let glazed = (0..N * N).map(point).filter(|p| rays.meets_glass(*p - reach, *p + reach));
+    glazed.count() as f32 / (N * N) as f32
 }
 
 /// Level and upright in the plane of this normal.

@@ -13,6 +13,7 @@
 //! deepest corner much of the sky has no inside.
 
 use super::grid::{FREE, GLASS, Grid, N_HALF, STEPS};
+use crate::Error;
 use crate::sampling::hash;
 
 /// Directions from a cell.
@@ -72,9 +73,15 @@ pub(super) struct CutLink {
 }
 
 /// Of each cell which side it is on.
-pub(super) fn sides(grid: &Grid, seed: u64) -> Vec<Side> {
+///
+/// # Errors
+/// [`Error::NoInterior`] where no cell is surely inside.
+pub(super) fn sides(grid: &Grid, seed: u64) -> Result<Vec<Side>, Error> {
     let n = grid.link.len();
     let source: Vec<bool> = (0..n).map(|c| is_inside(grid, c)).collect();
+    if !source.contains(&true) {
+        return Err(Error::NoInterior);
+    }
     let sink: Vec<bool> = (0..n).map(|c| is_outside(grid, c)).collect();
     let push = PUSH * WIDTH_PER_FACE / (n as f32).cbrt();
     let pushed = |c: usize| match grid.view[c] {
@@ -89,7 +96,7 @@ pub(super) fn sides(grid: &Grid, seed: u64) -> Vec<Side> {
     let mut flow = Flow::new(grid, (0..n).map(pushed).collect());
     while flow.advance(&sink) {}
     let outside = flow.reaching(&sink);
-    rooms(grid, &source, &sink, &outside)
+    Ok(rooms(grid, &source, &sink, &outside))
 }
 
 fn is_inside(grid: &Grid, cell: usize) -> bool {

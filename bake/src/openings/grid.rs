@@ -46,6 +46,11 @@ const SILL: f32 = 0.1;
 /// of a whole layer.
 const JITTER: f32 = 0.15;
 
+/// Edge of a cell where nobody asks for another, metres: panes between bars are seldom narrower. With the least number
+/// of cells for small models, and the most for large ones or those in centimetres.
+const USUAL_CELL: f32 = 0.15;
+const USUAL_CELLS: [usize; 2] = [300_000, 1_000_000];
+
 /// Cubes of space.
 pub(super) struct Grid {
     /// Middle of the first cell.
@@ -76,12 +81,12 @@ impl Grid {
     ) -> Result<Option<Grid>, Error> {
         let Some((low, high)) = region(scene, rays, options.seed) else { return Ok(None) };
         let volume = (high - low).max(Vec3::splat(1e-3 * (high - low).max_element()));
-        let size =
-            (f64::from(volume.x) * f64::from(volume.y) * f64::from(volume.z) / options.cells as f64).cbrt();
-        let size = size as f32;
+        let cubic_metres = f64::from(volume.x) * f64::from(volume.y) * f64::from(volume.z);
+        let cells = options.cells.unwrap_or_else(|| usual_cells(cubic_metres));
+        let size = (cubic_metres / cells as f64).cbrt() as f32;
         let low = low - MARGIN * size;
         let n = ((high - low) / size + MARGIN).to_array().map(|n| n.ceil() as usize);
-        let extent = size * (options.cells as f32).cbrt();
+        let extent = size * (cells as f32).cbrt();
         let ground = scene.mesh.bounds().0.y;
         let mut grid =
             Grid { low, size, n, link: Vec::new(), view: Vec::new(), extent, ground, seed: options.seed };
@@ -197,6 +202,12 @@ impl Grid {
             inside.then_some((z * self.n[1] + y) * self.n[0] + x)
         })
     }
+}
+
+/// Cells of [`USUAL_CELL`], within the limits of what takes seconds.
+fn usual_cells(cubic_metres: f64) -> usize {
+    let [low, high] = USUAL_CELLS;
+    ((cubic_metres / f64::from(USUAL_CELL).powi(3)) as usize).clamp(low, high)
 }
 
 /// A box around the points on surfaces from which few rays escape, half of them spread by triangles and half by

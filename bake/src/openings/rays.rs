@@ -41,17 +41,23 @@ impl Rays {
         !self.solid.occluded(&ray) && !self.glass.as_ref().is_some_and(|g| g.occluded(&ray))
     }
 
+    /// Whether glass is on the way.
+    pub fn meets_glass(&self, from: Vec3, to: Vec3) -> bool {
+        self.glass.as_ref().is_some_and(|g| g.occluded(&segment(from, to)))
+    }
+
     /// How far along the segment, 0..=1, the first solid surface is.
     pub fn first(&self, from: Vec3, to: Vec3) -> Option<f32> {
         let ray = ffi::Ray { tfar: 1.0, ..ffi::Ray::new(from.into(), (to - from).into()) };
         self.solid.intersect(&ray).map(|hit| hit.t)
     }
 
-    /// The first solid surface: where, and its unit normal turned towards the ray's origin.
-    pub fn surface(&self, from: Vec3, direction: Vec3) -> Option<(Vec3, Vec3)> {
+    /// The first solid surface.
+    pub fn surface(&self, from: Vec3, direction: Vec3) -> Option<Met> {
         let hit = self.solid.intersect(&ffi::Ray::new(from.into(), direction.into()))?;
         let normal = Vec3::from(hit.normal).normalize_or_zero();
-        Some((from + hit.t * direction, if normal.dot(direction) > 0.0 { -normal } else { normal }))
+        let is_back = normal.dot(direction) > 0.0;
+        Some(Met { distance: hit.t, normal: if is_back { -normal } else { normal }, is_back })
     }
 
     /// For each of up to sixteen segments, whether nothing solid and whether no glass is on the way.
@@ -105,6 +111,17 @@ impl Rays {
     }
 }
 
+/// Where a ray in a unit direction ends.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Met {
+    /// Metres.
+    pub distance: f32,
+    /// Unit, turned towards the ray's origin.
+    pub normal: Vec3,
+    /// Whether the triangle's back is seen.
+    pub is_back: bool,
+}
+
 /// What a point sees all around.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct View {
@@ -116,9 +133,9 @@ pub(super) struct View {
     pub reach: f32,
 }
 
-/// Whether light passes each triangle.
+/// Whether each triangle is of glass.
 pub(super) fn see_through(scene: &Scene) -> Vec<bool> {
-    let glass = |&m: &u32| scene.materials[m as usize].transmission != Vec3::ZERO;
+    let glass = |&m: &u32| scene.materials[m as usize].is_see_through();
     scene.mesh.material.iter().map(glass).collect()
 }
 

@@ -18,9 +18,9 @@ const MOST_POINTS: usize = 9;
 /// Paths into the interior, and how often each goes on from where it arrives: light that enters through a far door
 /// is seen only from around the corner.
 const PATHS: usize = 4096;
-const BOUNCES: usize = 3;
+const BOUNCES: usize = 8;
 /// Rays that are looked after from each place that a path reaches.
-const LOOKS: usize = 16;
+const LOOKS: u64 = 16;
 
 /// Winds every window of every portal so that its normals point inside, to the side from which fewer rays escape;
 /// says how many windows were turned. A portal of which some were has its triangles sorted by window. `scene` is without the portals' triangles.
@@ -30,10 +30,12 @@ const LOOKS: usize = 16;
 pub fn orient(scene: &Scene, portals: &mut [Portal]) -> Result<usize, Error> {
     let rays = Rays::solid(scene)?;
     let lift = lift(scene);
+    let pool = crate::pool(0)?;
     let mut n_turned = 0;
     for portal in portals {
         let mut windows = portal.windows();
-        let turned = windows.par_iter().map(|w| looks_out(&rays, w, lift)).collect::<Vec<_>>();
+        let turned: Vec<bool> =
+            pool.install(|| windows.par_iter().map(|w| looks_out(&rays, w, lift)).collect());
         let n = turned.iter().filter(|t| **t).count();
         if n == 0 {
             continue;
@@ -65,58 +67,138 @@ fn looks_out(rays: &Rays, window: &Portal, lift: f32) -> bool {
 
 /// The share of the rays escaping from inside that do not pass a portal: 0 where portals part inside from outside.
 /// Inside is what is reached from the portals by paths that stay inside. `scene` is without the portals' triangles,
-/// the portals' normals point inside. 0 where no ray escapes at all.
+/// the portals' normals point inside; glass that is in no portal counts as a hole. 0 where no ray escapes at all.
+///
+/// Where it breaks: what opens beyond eight corners is not found; a room whose walls are seen from behind, in a scene
+/// whose other walls are not, is taken for solid matter; and since paths begin at the portals, what enters beside them
+/// counts the less, the less the same walls see of both.
 ///
 /// # Errors
 /// When the scene has nothing that blocks light, or Embree cannot be had.
 pub fn leak_share(scene: &Scene, portals: &[Portal]) -> Result<f32, Error> {
     let rays = Rays::solid(scene)?;
     let Some(gates) = portal_tree(portals)? else { return Ok(0.0) };
-    let gates = &gates;
-    let lift = lift(scene);
-    let sums: Vec<f64> = portals
-        .iter()
-        .flat_map(|p| &p.triangles)
-        .scan(0.0, |sum, [a, b, c]| {
-            *sum += f64::from((*b - *a).cross(*c - *a).length());
-            Some(*sum)
-        })
-        .collect();
-    let triangles: Vec<[Vec3; 3]> = portals.iter().flat_map(|p| p.triangles.iter().copied()).collect();
-    let counts = (0..PATHS).into_par_iter().map(|i| {
-        let mut random = Random { seed: i as u64, n: 0 };
-        let at = f64::from(random.next()) * sums.last().copied().unwrap_or(0.0);
-        let t = triangles[sums.partition_point(|s| *s <= at).min(triangles.len() - 1)];
-        walk(&rays, gates, t, lift, &mut random)
-    });
-    let (escaped, leaked) = counts.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-    Ok(if escaped == 0 { 0.0 } else { leaked as f32 / escaped as f32 })
+    let start = Start::new(portals);
+    let paths = Paths { rays: &rays, gates: &gates, lift: lift(scene), backs: Backs::Solid };
+    let pool = crate::pool(0)?;
+    let mut count = pool.install(|| paths.count(&start));
+    if 2 * count.ended > PATHS as u64 {
+        count = pool.install(|| Paths { backs: Backs::Walls, ..paths }.count(&start));
+    }
+    Ok(if count.escaped == 0 { 0.0 } else { count.leaked as f32 / count.escaped as f32 })
 }
 
-/// From a portal inwards, from surface to surface: how many rays escape, and how many of them by no portal.
-fn walk(rays: &Rays, gates: &ffi::Scene, [a, b, c]: [Vec3; 3], lift: f32, random: &mut Random) -> (u64, u64) {
-    let (r, s) = (random.next().sqrt(), random.next());
-    let mut p = a * (1.0 - r) + b * (r * (1.0 - s)) + c * (r * s);
-    let mut normal = (b - a).cross(c - a).normalize_or_zero();
-    let (mut escaped, mut leaked) = (0, 0);
-    for _ in 0..BOUNCES {
-        // A path that leaves by a portal is outside from there on.
-        let (origin, onwards) = (p + lift * normal, random.cosine(normal));
-        let Some((wall, facing)) = rays.surface(origin, onwards) else { break };
-        let gate = gates.intersect(&ffi::Ray::new(origin.into(), onwards.into()));
-        if gate.is_some_and(|gate| gate.t < wall.distance(origin)) {
-            break;
+/// The portals' triangles, to be picked by area.
+struct Start {
+    triangles: Vec<[Vec3; 3]>,
+    /// Twice the area up to and with each.
+    sums: Vec<f64>,
+}
+
+impl Start {
+    fn new(portals: &[Portal]) -> Start {
+        let triangles: Vec<[Vec3; 3]> = portals.iter().flat_map(|p| p.triangles.iter().copied()).collect();
+        let add = |sum: &mut f64, t: &[Vec3; 3]| {
+            *sum += f64::from((t[1] - t[0]).cross(t[2] - t[0]).length());
+            Some(*sum)
+        };
+        let sums = triangles.iter().scan(0.0, add).collect();
+        Start { triangles, sums }
+    }
+
+    /// A point, and the unit normal into the interior.
+    fn pick(&self, random: &mut Random) -> (Vec3, Vec3) {
+        let at = f64::from(random.next()) * self.sums.last().copied().unwrap_or(0.0);
+        let t = self.sums.partition_point(|s| *s <= at).min(self.triangles.len() - 1);
+        let [a, b, c] = self.triangles[t];
+        let (r, s) = (random.next().sqrt(), random.next());
+        let p = a * (1.0 - r) + b * (r * (1.0 - s)) + c * (r * s);
+        (p, (b - a).cross(c - a).normalize_or_zero())
+    }
+}
+
+/// What surfaces seen from behind are.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Backs {
+    /// The inside of solid matter: of a window's bars, through which its portal passes.
+    Solid,
+    /// Walls like any other, in a scene that is inside out.
+    Walls,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Count {
+    /// Rays that escape, and those of them that pass no portal.
+    escaped: u64,
+    leaked: u64,
+    /// Paths that ended in solid matter.
+    ended: u64,
+}
+
+struct Paths<'a> {
+    rays: &'a Rays,
+    gates: &'a ffi::Scene,
+    lift: f32,
+    backs: Backs,
+}
+
+impl Paths<'_> {
+    fn count(&self, start: &Start) -> Count {
+        let sum = |a: Count, b: Count| Count {
+            escaped: a.escaped + b.escaped,
+            leaked: a.leaked + b.leaked,
+            ended: a.ended + b.ended,
+        };
+        let walk = |i: usize| self.walk(start, &mut Random { seed: i as u64, n: 0 });
+        (0..PATHS).into_par_iter().map(walk).reduce(Count::default, sum)
+    }
+
+    /// From a portal inwards, from surface to surface.
+    fn walk(&self, start: &Start, random: &mut Random) -> Count {
+        let (mut p, mut normal) = start.pick(random);
+        let mut count = Count::default();
+        for _ in 0..=BOUNCES {
+            let (origin, onwards) = (p + self.lift * normal, random.cosine(normal));
+            let next = self.rays.surface(origin, onwards);
+            if self.backs == Backs::Solid && next.is_some_and(|next| next.is_back) {
+                count.ended = 1;
+                break;
+            }
+            let (escaped, leaked) = self.look(origin, normal, random);
+            if 2 * leaked > LOOKS {
+                // It is outside already, and the ray that led here leaked; or it has no roof.
+                count.escaped += 1;
+                count.leaked += 1;
+                break;
+            }
+            count.escaped += escaped;
+            count.leaked += leaked;
+            // A path that leaves by a portal is outside from there on.
+            let Some(next) = next.filter(|next| !self.passes(origin, onwards, next.distance)) else { break };
+            (p, normal) = (origin + next.distance * onwards, next.normal);
         }
-        (p, normal) = (wall, facing);
+        count
+    }
+
+    /// How many rays escape, and how many of them by no portal.
+    fn look(&self, origin: Vec3, normal: Vec3, random: &mut Random) -> (u64, u64) {
+        let (mut escaped, mut leaked) = (0, 0);
         for _ in 0..LOOKS {
-            let (origin, d) = (p + lift * normal, random.cosine(normal));
-            if rays.surface(origin, d).is_none() {
+            let d = random.cosine(normal);
+            if self.rays.surface(origin, d).is_none() {
                 escaped += 1;
-                leaked += u64::from(!gates.occluded(&ffi::Ray::new(origin.into(), d.into())));
+                leaked += u64::from(!self.passes(origin, d, f32::INFINITY));
             }
         }
+        (escaped, leaked)
     }
-    (escaped, leaked)
+
+    /// Whether a portal is on the way.
+    fn passes(&self, origin: Vec3, d: Vec3, distance: f32) -> bool {
+        let mut ray = ffi::Ray::new(origin.into(), d.into());
+        ray.tfar = ray.tfar.min(distance);
+        self.gates.occluded(&ray)
+    }
 }
 
 /// Height of a ray's origin over a surface, metres: above the rounding of the scene's coordinates.

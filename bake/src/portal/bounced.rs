@@ -116,13 +116,25 @@ impl Work<'_> {
                 self.gather(k, &columns, self.options.bounces, &direct, &self.unlit)?
             }
             Start::Photons(_) => {
-                let all = self.photons(k, &columns, photons)?;
+                let mut all = self.photons(k, &columns, photons)?;
+                self.add_outer(k, &self.direct_sh(k, &columns, asset), &mut all);
                 let before_last = if self.options.bounces > 1 { &all[..] } else { &[] };
                 self.pass(k, &columns, (1, 1), (&all, before_last), &self.unlit)?
             }
         };
         self.smoother.apply(&mut rows, 3 * columns.len());
         Ok(rows)
+    }
+
+    /// Adds the sky's light on outer surfaces, which no photon of a portal brings there.
+    fn add_outer(&self, k: usize, direct_sh: &[f32], rows: &mut [f32]) {
+        let n = direct_sh.len() / self.owners.len();
+        for (v, row) in rows.chunks_exact_mut(3 * n).enumerate().filter(|(v, _)| self.owners[*v] == k as u32)
+        {
+            for plane in row.chunks_exact_mut(n) {
+                plane.iter_mut().zip(&direct_sh[v * n..][..n]).for_each(|(a, d)| *a += d);
+            }
+        }
     }
 
     /// As [`Work::bounced`], iterated from the direct light at the vertices.

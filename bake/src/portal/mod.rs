@@ -15,6 +15,8 @@ mod orient;
 mod outside;
 mod resume;
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use glam::Vec3;
 use lunette_relight::asset::{Asset, Shell};
 use lunette_relight::cubemap::n_texels;
@@ -223,17 +225,22 @@ impl Work<'_> {
         let source = self.donors.sources(n_vertices);
         let stage = format!("portal {}", self.portals[k].name);
         let stage = Stage { name: &stage, rays: self.options.rays, progress: self.progress };
+        let is_seen = AtomicBool::new(false);
         let compute = |v: usize, [row, open]: &mut [Row; 2]| {
             if self.unlit[v] {
                 return;
             }
             through.row(v, source[v], row);
+            is_seen.fetch_or(row.is_lit(), Ordering::Relaxed);
             if self.owners[source[v]] == k as u32 {
                 outside.row(v, source[v], open);
                 row.add(open);
             }
         };
         let (store, worst) = rows::encode(n, n_vertices, &stage, compute)?;
+        if !is_seen.into_inner() {
+            return Err(Error::UnseenPortal(self.portals[k].name.clone()));
+        }
         report.lines.push(format!(
             "portal {}: {:.2} m², {} bytes of direct light per vertex ({} % of rows in Haar wavelets), at most {:.1} % of a row lost",
             self.portals[k].name,

@@ -98,6 +98,11 @@ impl Row {
         self.texels.iter().map(|&t| (t, self.dense[t]))
     }
 
+    /// Whether any light comes.
+    pub fn is_lit(&self) -> bool {
+        !self.texels.is_empty()
+    }
+
     /// Adds what another opening sends to the same vertex.
     pub fn add(&mut self, other: &Row) {
         for (t, value) in other.lit() {

@@ -4,6 +4,7 @@ mod assets;
 mod lights;
 mod options;
 mod outputs;
+mod portals;
 mod scenes;
 
 use std::collections::BTreeSet;

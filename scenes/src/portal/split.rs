@@ -24,6 +24,9 @@ use crate::scene::Error;
 /// the paper.
 pub const MOST_THROWN_BACK: f32 = 0.02;
 
+/// Windows that look the same way: cosine of the largest angle, two and a half degrees.
+const SAME_WALL: f32 = 0.999;
+
 /// Most portals that splitting makes: each has a shell to be captured every frame, and rows of its own.
 const MOST_PORTALS: usize = 256;
 
@@ -87,10 +90,18 @@ pub fn split_portals(portals: Vec<Portal>, theta_max: f32, nearest_exterior: f32
 }
 
 /// The largest share of an exterior point's sphere that the interior takes, A / (4 π d²), at `distance` metres: A is
-/// the area of all portals, m², as seen from in front of the one that shows most of it.
+/// the area of all windows, m², as seen from in front of the one that shows most of it.
 pub fn thrown_back(portals: &[Portal], distance: f32) -> f32 {
-    let facing = |from: Vec3| portals.iter().map(|p| p.area() * p.normal.dot(from).max(0.0)).sum::<f32>();
-    let most = portals.iter().map(|p| facing(p.normal)).fold(0.0, f32::max);
+    let windows: Vec<Portal> = portals.iter().flat_map(Portal::windows).collect();
+    let facing = |from: Vec3| windows.iter().map(|w| w.area() * w.normal.dot(from).max(0.0)).sum::<f32>();
+    // Windows of one wall look the same way; there are few walls.
+    let mut walls: Vec<Vec3> = Vec::new();
+    for window in &windows {
+        if walls.iter().all(|wall| wall.dot(window.normal) < SAME_WALL) {
+            walls.push(window.normal);
+        }
+    }
+    let most = walls.into_iter().map(facing).fold(0.0, f32::max);
     most / (4.0 * PI * distance * distance)
 }
 
@@ -151,6 +162,20 @@ type Triangles = Vec<[Vec3; 3]>;
 
 /// Triangles that hang together by corners.
 pub(super) fn windows(triangles: &[[Vec3; 3]]) -> Vec<Triangles> {
+    let mut place = HashMap::new();
+    let mut windows: Vec<Triangles> = Vec::new();
+    for (label, corners) in labels(triangles).into_iter().zip(triangles) {
+        let at = *place.entry(label).or_insert(windows.len());
+        if at == windows.len() {
+            windows.push(Vec::new());
+        }
+        windows[at].push(*corners);
+    }
+    windows
+}
+
+/// A number for each triangle, the same for those that hang together by corners.
+pub(super) fn labels(triangles: &[[Vec3; 3]]) -> Vec<u32> {
     let (position, index) = merge::weld(triangles);
     let mut parent: Vec<u32> = (0..position.len() as u32).collect();
     for t in &index {
@@ -160,16 +185,7 @@ pub(super) fn windows(triangles: &[[Vec3; 3]]) -> Vec<Triangles> {
             parent[other as usize] = root;
         }
     }
-    let mut place = HashMap::new();
-    let mut windows: Vec<Triangles> = Vec::new();
-    for (t, corners) in index.iter().zip(triangles) {
-        let at = *place.entry(root(&mut parent, t[0])).or_insert(windows.len());
-        if at == windows.len() {
-            windows.push(Vec::new());
-        }
-        windows[at].push(*corners);
-    }
-    windows
+    index.iter().map(|t| root(&mut parent, t[0])).collect()
 }
 
 fn root(parent: &mut [u32], mut v: u32) -> u32 {

@@ -117,7 +117,7 @@ fn invalid(globs: &[String], what: &str) -> Error {
 }
 
 /// The mesh without the triangles that are not kept and the vertices that only they used.
-fn compacted(mesh: &Mesh, kept: &[bool]) -> Mesh {
+pub(super) fn compacted(mesh: &Mesh, kept: &[bool]) -> Mesh {
     let mut used = vec![false; mesh.position.len()];
     let triangles = || mesh.index.iter().zip(kept).filter(|(_, kept)| **kept).map(|(t, _)| *t);
     triangles().flatten().for_each(|v| used[v as usize] = true);

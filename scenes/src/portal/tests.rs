@@ -88,6 +88,35 @@ fn name_that_matches_nothing_lists_what_there_is_and_changes_nothing() {
 }
 
 #[test]
+fn glass_of_given_portals_goes_and_other_glass_stays() {
+    let whole = built("chapel:bays=1,edge=1");
+    let mut without = whole.clone();
+    let panes = take_portals(&mut without, &globs(&["glass*"])).unwrap();
+    let mut scene = whole.clone();
+    // As a file has them: few polygons, whose triangles are others.
+    let few = |p: &Portal| Portal::from_polygons(&p.name, &p.polygons(), p.transmission).unwrap();
+    let given: Vec<Portal> = panes.iter().map(few).collect();
+    unglaze(&mut scene, &given).unwrap();
+    assert!(scene.mesh.index == without.mesh.index && scene.mesh.position == without.mesh.position);
+
+    let mut scene = whole.clone();
+    unglaze(&mut scene, &given[1..2]).unwrap();
+    let n = |s: &Scene, name: &str| {
+        let is = |m: &&u32| s.materials[**m as usize].name == name;
+        s.mesh.material.iter().filter(is).count()
+    };
+    assert_eq!((n(&scene, "glass_rose"), n(&scene, "glass")), (0, n(&whole, "glass")));
+    assert!(scene.report.iter().any(|line| line.contains("in no portal")), "{:?}", scene.report);
+
+    let mut scene = built("plane:n=1");
+    scene.materials.iter_mut().for_each(|m| m.transmission = Vec3::ONE);
+    let all = scene.mesh.index.iter().map(|t| t.map(|v| scene.mesh.position[v as usize])).collect();
+    let before = scene.mesh.index.clone();
+    assert!(message(unglaze(&mut scene, &[pane("all", all)])).contains("none is left"));
+    assert_eq!(scene.mesh.index, before);
+}
+
+#[test]
 fn opaque_material_named_as_a_portal_is_clear_and_said_so() {
     let mut scene = built("box-room");
     let portals = take_portals(&mut scene, &globs(&["east"])).unwrap();
@@ -179,6 +208,10 @@ fn light_thrown_back_is_the_papers_car() {
     // 2 m² seen from 2.8 m take 2 % of the sphere.
     let portal = pane("screen", sheet(Vec3::ZERO, 2.0 * Vec3::X, Vec3::Y, 1, 1));
     assert!((thrown_back(std::slice::from_ref(&portal), 2.8) - 0.0203).abs() < 1e-4);
+    // A window of the same portal in the wall across is not seen from there.
+    let mut both = portal.triangles.clone();
+    both.extend(sheet(5.0 * Vec3::Z, 2.0 * Vec3::Y, Vec3::X, 1, 1));
+    assert!((thrown_back(&[pane("screen", both)], 2.8) - 0.0203).abs() < 1e-4);
     let split = split_portals(vec![portal], 1.0, 2.0).unwrap();
     assert!(split.report.iter().any(|line| line.contains("thrown back")), "{:?}", split.report);
 }
