@@ -25,6 +25,7 @@ use rayon::prelude::*;
 
 use crate::fill;
 use crate::gather::{Pass, lane_of, packet, vertices};
+use crate::glossy::vertex_reflectance;
 use crate::sampling::{HemisphereSets, LANES, hash};
 use crate::{Error, Progress, Surface};
 
@@ -81,7 +82,7 @@ pub fn carrier(
 ) -> Result<Carrier, Error> {
     let n_vertices = scene.mesh.position.len();
     let area = scene.mesh.vertex_area();
-    let albedo = scene.vertex_albedo();
+    let albedo = vertex_reflectance(scene);
     let patch = cut(scene, &area, options.patches.min(n_vertices.div_ceil(4)).max(1));
     let n_patches = patch.iter().max().map_or(0, |&p| p as usize + 1);
     let rank = options.rank.min(n_patches);
@@ -120,7 +121,7 @@ pub fn carrier(
 }
 
 /// Cuts the vertices into at most `most` patches, halving the heaviest along its widest extent in space and normal.
-fn cut(scene: &Scene, area: &[f32], most: usize) -> Vec<u16> {
+pub fn cut(scene: &Scene, area: &[f32], most: usize) -> Vec<u16> {
     let (low, high) = scene.mesh.bounds();
     let weight = NORMAL_WEIGHT * (high - low).length();
     let key = |v: usize| {

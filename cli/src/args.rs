@@ -250,6 +250,9 @@ pub struct Render {
     /// Seed
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u32,
+    /// Material or group names of the glass, through which light enters; may be given several times
+    #[arg(long, value_name = "GLOB")]
+    pub portal: Vec<String>,
     #[command(flatten)]
     pub picture: PictureOptions,
     #[command(flatten)]

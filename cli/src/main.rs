@@ -6,6 +6,7 @@ mod compare;
 mod day;
 mod demo;
 mod engine;
+mod glossy;
 mod info;
 mod judge;
 mod light;

@@ -9,7 +9,7 @@ use lunette_scenes::Scene;
 use crate::args;
 use crate::output::{self, Lit};
 use crate::progress::Bar;
-use crate::{light, scene, stage};
+use crate::{glossy, light, scene, stage};
 
 /// `lunette render`
 pub fn run(arguments: &args::Render) -> Result<()> {
@@ -18,11 +18,13 @@ pub fn run(arguments: &args::Render) -> Result<()> {
     let exposure = stage::exposure(&arguments.picture)?;
     let size = stage::size(&arguments.picture)?;
     let options = options(arguments.samples, arguments.bounces, arguments.seed)?;
-    let scene = scene::load(&arguments.scene, &arguments.read)?;
+    let mut scene = scene::load(&arguments.scene, &arguments.read)?;
     let lights = light::frames(&arguments.light, scene.mesh.bounds())?;
+    let panes = panes(&mut scene, &arguments.portal)?;
     let albedo = scene.vertex_albedo();
-    let surface = surface(&scene, &albedo);
-    let tracer = Tracer::new(surface).map_err(|e| anyhow!("{e}"))?;
+    let coat = glossy::Coat::new(&scene, &arguments.scene);
+    let tracer = Tracer::new(surface(&scene, &albedo)).and_then(|t| t.with_portals(&panes));
+    let tracer = tracer.and_then(|t| t.with_gloss(coat.gloss())).map_err(|e| anyhow!("{e}"))?;
     let camera = stage::camera(&arguments.picture, &tracer)?;
     for (i, (label, light)) in lights.iter().enumerate() {
         let path = output::frame_path(&arguments.output, i, lights.len())?;
@@ -48,6 +50,15 @@ pub fn run(arguments: &args::Render) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// The triangles of the glass, taken out of the scene.
+fn panes(scene: &mut Scene, globs: &[String]) -> Result<Vec<[Vec3; 3]>> {
+    if globs.is_empty() {
+        return Ok(Vec::new());
+    }
+    let portals = lunette_scenes::take_portals(scene, globs).map_err(|e| anyhow!("{e}"))?;
+    Ok(portals.into_iter().flat_map(|p| p.triangles).collect())
 }
 
 /// More paths than anybody has the time for.

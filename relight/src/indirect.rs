@@ -20,6 +20,7 @@ use glam::Vec3;
 use half::f16;
 
 use crate::asset::{Asset, Data, NO_PATCH};
+use crate::glossy::reflectance;
 use crate::light::{Cap, Light, split};
 use crate::{dot, shell};
 
@@ -166,30 +167,18 @@ impl<'a> Carrier<'a> {
 
 /// area ρ / area of the patch, per vertex; 0 for a patch without area.
 fn weights(asset: &Asset, patch: &[u16], n_patches: usize) -> Vec<Vec3> {
-    let area = vertex_area(asset);
+    let area = asset.vertex_area();
     let mut patch_area = vec![0.0f64; n_patches];
     for (p, area) in patch.iter().zip(&area) {
         if *p != NO_PATCH {
             patch_area[usize::from(*p).min(n_patches - 1)] += area;
         }
     }
-    let weight = |((p, area), albedo): ((&u16, &f64), &[f32; 3])| match patch_area.get(usize::from(*p)) {
-        Some(total) if *total > 0.0 => Vec3::from(*albedo) * (area / total) as f32,
+    let weight = |((p, area), albedo): ((&u16, &f64), Vec3)| match patch_area.get(usize::from(*p)) {
+        Some(total) if *total > 0.0 => albedo * (area / total) as f32,
         _ => Vec3::ZERO,
     };
-    patch.iter().zip(&area).zip(asset.albedo()).map(weight).collect()
-}
-
-fn vertex_area(asset: &Asset) -> Vec<f64> {
-    let position = asset.positions();
-    let mut area = vec![0.0; position.len()];
-    for triangle in asset.triangles() {
-        let [p, q, r] = triangle.map(|v| Vec3::from(position[v as usize]).as_dvec3());
-        for v in triangle {
-            area[*v as usize] += (q - p).cross(r - p).length() / 6.0;
-        }
-    }
-    area
+    patch.iter().zip(&area).zip(reflectance(asset)).map(weight).collect()
 }
 
 #[cfg(test)]

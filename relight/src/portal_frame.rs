@@ -161,6 +161,14 @@ impl<'a> PortalFrame<'a> {
         self.portals[k].rows.n()
     }
 
+    /// Radiance of each texel of portal `k`'s shell behind its glass.
+    ///
+    /// # Panics
+    /// When there is no such portal.
+    pub fn texels(&self, k: usize) -> &[[f32; 3]] {
+        &self.portals[k].texels
+    }
+
     /// V.
     pub fn n_vertices(&self) -> usize {
         self.n_vertices

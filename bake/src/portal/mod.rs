@@ -27,6 +27,7 @@ use crate::carrier::{CarrierOptions, carrier};
 use crate::energy::{self, BandEnergy};
 use crate::fill::{self, Donors};
 use crate::gather::{Arriving, Pass, bounced, buried};
+use crate::glossy;
 use crate::photon::{self, Emission};
 use crate::sampling::{HemisphereSets, hash};
 use crate::{Error, Options, Progress, Surface, mesh_asset};
@@ -172,6 +173,7 @@ impl Work<'_> {
         }
         self.insert_bounced(&mut asset, &rows_of_portals, &mut report);
         self.insert_carrier(&mut asset)?;
+        self.insert_glossy(&mut asset, &mut report)?;
         Ok((asset, report))
     }
 
@@ -328,6 +330,19 @@ impl Work<'_> {
                 &interleaved,
             );
         }
+    }
+
+    fn insert_glossy(&self, asset: &mut Asset<'static>, report: &mut PortalReport) -> Result<(), Error> {
+        let source = self.donors.sources(self.scene.mesh.position.len());
+        let options = glossy::GlossyOptions {
+            patches: glossy::PATCHES,
+            rays: self.options.rays,
+            bounces: self.options.bounces,
+            seed: self.options.seed,
+        };
+        let line = glossy::insert(asset, self.scene, self.surface, &source, &options, self.progress)?;
+        report.lines.extend(line);
+        Ok(())
     }
 
     fn insert_carrier(&self, asset: &mut Asset<'static>) -> Result<(), Error> {

@@ -10,7 +10,7 @@
 //! `sky.direct.sh` f16 \[V,n²\], `sky.indirect.sh` f16 \[V,m²,3\]; `sky.direct.*` and `portal.K.direct.*` as
 //! [`sparse`](crate::sparse) has them, `portal.K.indirect.sh` f16 \[V,m²,3\]; `indirect.patch` u16 \[V\]
 //! ([`NO_PATCH`]: none), `indirect.spread` f32 \[P,k,3\], `indirect.gather` f16 \[V,k\] as
-//! [`indirect`](crate::indirect) has them. What is not baked is not there. A stored value
+//! [`indirect`](crate::indirect) has them; `glossy.*` as [`glossy`](crate::glossy) has them. What is not baked is not there. A stored value
 //! times the tensor's scale ([`Metadata::scale`], 1 where absent) is the value meant.
 
 mod check;
@@ -20,6 +20,7 @@ mod tensor;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
+use glam::Vec3;
 use half::f16;
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
@@ -231,6 +232,19 @@ impl<'a> Asset<'a> {
             Some(Data::U32(values)) => bytemuck::cast_slice(values),
             _ => &[],
         }
+    }
+
+    /// A third of the area of the triangles around each vertex, m², \[V\].
+    pub fn vertex_area(&self) -> Vec<f64> {
+        let position = self.positions();
+        let mut area = vec![0.0; position.len()];
+        for triangle in self.triangles() {
+            let [p, q, r] = triangle.map(|v| Vec3::from(position[v as usize]).as_dvec3());
+            for v in triangle {
+                area[*v as usize] += (q - p).cross(r - p).length() / 6.0;
+            }
+        }
+        area
     }
 
     /// The stored values of an f16 tensor, and the factor that turns them into the values meant.
