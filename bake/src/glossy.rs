@@ -42,6 +42,10 @@ const PILOT_RAYS: usize = 64;
 /// Share of a mesh vertex's area in its importance, beside what the few rays found, of the mean: that no patch is without.
 const FLOOR: f64 = 1e-3;
 
+/// How far apart the directions of an entry may lie, as 1 - |mean direction| times (exponent + 1): the variance on each of
+/// two axes against that of the lobe, 1 / (exponent + 1). A lobe is seen that much broader than it is.
+const WIDEST: f32 = 0.04;
+
 /// Vertices traced between two looks at the progress.
 const BLOCK: usize = 2048;
 
@@ -98,7 +102,8 @@ pub fn insert(
     if options.bounces == 0 {
         return Ok(Some(format!("{} glossy vertices", glossy.len())));
     }
-    let work = Work { surface, source, glossy: &glossy, seed: options.seed, progress };
+    let exponents: Vec<f32> = lobes.iter().map(|l| l.exponent).collect();
+    let work = Work { surface, source, glossy: &glossy, exponents: &exponents, seed: options.seed, progress };
     let patch = cut(scene, &work.importance()?, options.patches.clamp(1, usize::from(u16::MAX)));
     let rows = work.rows(&patch, options.rays)?;
     let bytes = 20.0 + 6.0 * rows.weight.len() as f64 / glossy.len() as f64;
@@ -111,8 +116,47 @@ struct Work<'a> {
     surface: &'a Surface<'a>,
     source: &'a [usize],
     glossy: &'a [usize],
+    /// Phong exponent of each vertex of the mesh.
+    exponents: &'a [f32],
     seed: u64,
     progress: &'a dyn Progress,
+}
+
+/// A part of a patch as a vertex sees it.
+#[derive(Clone, Copy)]
+struct Entry {
+    patch: u16,
+    /// Of any length.
+    direction: Vec3,
+    /// Steradians, cosine included.
+    weight: f32,
+}
+
+/// Makes one entry of many of one patch, or where they lie farther apart than `spread`, several: halved at the mean
+/// along the axis on which they differ most. With R the length of their mean direction, 1 - R is that of a disc of
+/// radius a to the viewer, a²/4.
+fn merge(seen: &mut [Entry], spread: f32, entries: &mut Vec<Entry>) {
+    let (mut sum, mut squares, mut weight) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+    for e in seen.iter() {
+        sum += e.weight * e.direction;
+        squares += e.weight * e.direction * e.direction;
+        weight += e.weight;
+    }
+    if weight <= 0.0 {
+        return;
+    }
+    let mean = sum / weight;
+    if 1.0 - mean.length() <= spread {
+        entries.push(Entry { patch: seen[0].patch, direction: mean, weight });
+        return;
+    }
+    let variance = squares / weight - mean * mean;
+    let axis = variance.max_position();
+    seen.sort_by(|a, b| a.direction[axis].total_cmp(&b.direction[axis]));
+    let middle = seen.partition_point(|e| e.direction[axis] < mean[axis]).clamp(1, seen.len() - 1);
+    let (low, high) = seen.split_at_mut(middle);
+    merge(low, spread, entries);
+    merge(high, spread, entries);
 }
 
 /// Entries of all glossy vertices.
@@ -134,8 +178,10 @@ impl Work<'_> {
             let met: Vec<Vec<(u32, f32)>> = block
                 .par_iter()
                 .map(|&v| {
-                    let mut met = Vec::with_capacity(PILOT_RAYS);
-                    self.for_each_hit(&sets, v, |vertex, _, z| met.push((vertex, z)));
+                    let mut met = Vec::with_capacity(3 * PILOT_RAYS);
+                    self.for_each_hit(&sets, v, |corners, weights, _, z| {
+                        met.extend(corners.into_iter().zip(weights.map(|w| w * z)));
+                    });
                     met
                 })
                 .collect();
@@ -149,58 +195,59 @@ impl Work<'_> {
     }
 
     fn rows(&self, patch: &[u16], rays: usize) -> Result<Rows, Error> {
-        let n_patches = patch.iter().max().map_or(0, |&p| usize::from(p) + 1);
         let sets = HemisphereSets::new(rays, hash(self.seed, 0x9106));
         let mut rows = Rows { start: vec![0], ..Rows::default() };
         self.for_each_block("glossy: patches", |block| {
-            let found: Vec<Vec<(u16, Vec3, f32)>> = block
-                .par_iter()
-                .map_init(|| vec![(Vec3::ZERO, 0.0); n_patches], |sums, &v| self.row(&sets, patch, v, sums))
-                .collect();
+            let found: Vec<Vec<Entry>> = block.par_iter().map(|&v| self.row(&sets, patch, v)).collect();
             for row in found {
-                for (patch, direction, weight) in row {
-                    rows.source.push(patch);
-                    rows.direction.push(cubemap::texel_of(DIRECTION_SIDE, direction) as u16);
-                    rows.weight.push(weight);
+                for entry in row {
+                    rows.source.push(entry.patch);
+                    rows.direction.push(cubemap::texel_of(DIRECTION_SIDE, entry.direction) as u16);
+                    rows.weight.push(entry.weight);
                 }
                 rows.start.push(rows.source.len() as u32);
             }
         })?;
         // More than 4 billion entries would be 25 GB of them.
         u32::try_from(rows.source.len()).map(|_| rows).map_err(|_| {
-            Error::TooLarge("more glossy entries than a file can count: fewer --rays, or fewer vertices".into())
+            Error::TooLarge(
+                "more glossy entries than a file can count: fewer --rays, or fewer vertices".into(),
+            )
         })
     }
 
-    /// Patches in the order of their numbers; `sums` is left as it came, all zero.
-    fn row(
-        &self,
-        sets: &HemisphereSets,
-        patch: &[u16],
-        v: usize,
-        sums: &mut [(Vec3, f32)],
-    ) -> Vec<(u16, Vec3, f32)> {
-        let mut touched = Vec::new();
-        let all = self.for_each_hit(sets, v, |vertex, d, z| {
-            let p = patch[vertex as usize];
-            let sum = &mut sums[usize::from(p)];
-            if sum.1 == 0.0 {
-                touched.push(p);
+    /// Entries in the order of their patches.
+    fn row(&self, sets: &HemisphereSets, patch: &[u16], v: usize) -> Vec<Entry> {
+        let mut seen: Vec<Entry> = Vec::with_capacity(sets.n_rays());
+        let all = self.for_each_hit(sets, v, |corners, weights, d, z| {
+            let patches = corners.map(|v| patch[v as usize]);
+            for i in 0..3 {
+                // The corners of one patch together, as the first of them.
+                let is_first = !patches[..i].contains(&patches[i]);
+                let share: f32 = (i..3).filter(|&j| patches[j] == patches[i]).map(|j| weights[j]).sum();
+                if is_first && share > 0.0 {
+                    seen.push(Entry { patch: patches[i], direction: d, weight: z * share });
+                }
             }
-            *sum = (sum.0 + z * d, sum.1 + z);
         });
-        touched.sort_unstable();
-        touched.dedup();
-        let entry = |p: u16| {
-            let (direction, z) = std::mem::take(&mut sums[usize::from(p)]);
-            (p, direction, PI * z / all)
-        };
-        touched.into_iter().map(entry).collect()
+        seen.iter_mut().for_each(|entry| entry.weight *= PI / all);
+        seen.sort_by_key(|entry| entry.patch);
+        let spread = WIDEST / (self.exponents[v] + 1.0);
+        let mut entries = Vec::new();
+        for group in seen.chunk_by_mut(|a, b| a.patch == b.patch) {
+            merge(group, spread, &mut entries);
+        }
+        entries
     }
 
-    /// Calls `met` with the nearest vertex, the direction and its cosine for each ray that meets the front of a surface;
-    /// gives the sum of all rays' cosines.
-    fn for_each_hit(&self, sets: &HemisphereSets, v: usize, mut met: impl FnMut(u32, Vec3, f32)) -> f32 {
+    /// Calls `met` with the corners and their weights, the direction and its cosine for each ray that meets the front of
+    /// a surface; gives the sum of all rays' cosines.
+    fn for_each_hit(
+        &self,
+        sets: &HemisphereSets,
+        v: usize,
+        mut met: impl FnMut([u32; 3], [f32; 3], Vec3, f32),
+    ) -> f32 {
         let (mesh, at) = (self.surface.mesh, self.source[v]);
         let (set, frame) = sets.at(v, mesh.normal[at]);
         let mut all = 0.0;
@@ -212,9 +259,7 @@ impl Work<'_> {
                 all += z;
                 let (Some(hit), d) = (hits.get(&rays, lane), lane_of(&world, lane)) else { continue };
                 if d.dot(Vec3::from(hit.normal)) < 0.0 {
-                    let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-                    let nearest = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
-                    met(mesh.index[hit.primitive as usize][nearest], d, z);
+                    met(mesh.index[hit.primitive as usize], [1.0 - hit.u - hit.v, hit.u, hit.v], d, z);
                 }
             }
         }

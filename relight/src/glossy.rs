@@ -52,8 +52,8 @@ mod matrix;
 #[cfg(test)]
 mod tests;
 
-use lobe::{Entries, Lobe};
 pub use lobe::mean_reflectance;
+use lobe::{Entries, Lobe};
 use matrix::Matrix;
 pub(crate) use matrix::check;
 

@@ -33,8 +33,7 @@ impl Material {
 impl Scene {
     /// The lobe of each vertex, \[V\]: that of its material; one without reflectance where it is matt.
     pub fn vertex_lobes(&self, highest: f32) -> Vec<Lobe> {
-        let lobes: Vec<Lobe> =
-            self.materials.iter().map(|m| m.lobe(highest).unwrap_or_default()).collect();
+        let lobes: Vec<Lobe> = self.materials.iter().map(|m| m.lobe(highest).unwrap_or_default()).collect();
         let mut of_vertex = vec![Lobe::default(); self.mesh.position.len()];
         for (triangle, &material) in self.mesh.index.iter().zip(&self.mesh.material) {
             for &v in triangle {
@@ -62,7 +61,8 @@ impl Scene {
         };
         let sharp = with(&|m| m.exponent > highest);
         tell(&sharp, format!("with a Phong exponent above {highest} shaded as diffuse"));
-        let bright = with(&|m| m.lobe(highest).is_some() && (m.specular + m.albedo).max_element() > 1.0 + MARGIN);
+        let bright =
+            with(&|m| m.lobe(highest).is_some() && (m.specular + m.albedo).max_element() > 1.0 + MARGIN);
         tell(&bright, "with Kd + Ks above 1, where Ks was cut to 1 - Kd".into());
         report
     }
@@ -95,7 +95,8 @@ mod tests {
     #[test]
     fn report_names_materials_in_use_alone() {
         let mut scene = crate::builtin::build("plane:n=1").unwrap();
-        scene.materials = vec![material(0.5, 0.3, 300.0), material(0.9, 0.4, 12.0), material(0.1, 0.2, 999.0)];
+        scene.materials =
+            vec![material(0.5, 0.3, 300.0), material(0.9, 0.4, 12.0), material(0.1, 0.2, 999.0)];
         scene.mesh.material = vec![0, 1];
         let report = scene.gloss_report(50.0);
         assert_eq!(report.len(), 2, "{report:?}");

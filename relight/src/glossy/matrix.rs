@@ -67,7 +67,10 @@ impl<'a> Seen<'a> {
     fn open(asset: &'a Asset<'a>, n_rows: usize) -> Result<Seen<'a>, Error> {
         let patch = shorts(asset, "patch")?;
         if patch.len() != asset.n_vertices() {
-            return Err(wrong("patch", &format!("{} values for {} vertices", patch.len(), asset.n_vertices())));
+            return Err(wrong(
+                "patch",
+                &format!("{} values for {} vertices", patch.len(), asset.n_vertices()),
+            ));
         }
         let known = patch.iter().filter(|p| **p != NO_PATCH);
         let (weight, scale) =
@@ -88,7 +91,8 @@ impl<'a> Seen<'a> {
     fn check(&self, n_rows: usize) -> Result<(), Error> {
         let n = self.source.len();
         let ends = (self.start.first(), self.start.last());
-        if self.start.len() != n_rows + 1 || ends != (Some(&0), Some(&(n as u32))) || !self.start.is_sorted() {
+        if self.start.len() != n_rows + 1 || ends != (Some(&0), Some(&(n as u32))) || !self.start.is_sorted()
+        {
             return Err(wrong("start", &format!("not a rising list from 0 to the {n} entries of all rows")));
         }
         for (part, found) in [("direction", self.direction.len()), ("weight", self.weight.len())] {
