@@ -104,10 +104,12 @@ pub fn insert(
     }
     let exponents: Vec<f32> = lobes.iter().map(|l| l.exponent).collect();
     let work = Work { surface, source, glossy: &glossy, exponents: &exponents, seed: options.seed, progress };
-    let patch = cut(scene, &work.importance()?, options.patches.clamp(1, usize::from(u16::MAX)));
+    let importance = work.importance()?;
+    let patch = cut(scene, &importance, options.patches.clamp(1, usize::from(u16::MAX)));
     let rows = work.rows(&patch, options.rays)?;
     let bytes = 20.0 + 6.0 * rows.weight.len() as f64 / glossy.len() as f64;
     rows.insert_into(asset);
+    asset.insert_scaled("glossy.share", &[patch.len()], &shares(&patch, &importance));
     asset.insert("glossy.patch", &[patch.len()], Data::U16(Cow::Owned(patch)));
     Ok(Some(format!("{} glossy vertices, {bytes:.0} bytes of bounced light for each", glossy.len())))
 }
@@ -120,6 +122,15 @@ struct Work<'a> {
     exponents: &'a [f32],
     seed: u64,
     progress: &'a dyn Progress,
+}
+
+/// The part of its patch that each vertex stands for: of what the glossy vertices see of it, so that a corner hidden from
+/// all of them, in the dark below the object, does not count.
+fn shares(patch: &[u16], importance: &[f32]) -> Vec<f32> {
+    let mut sums = vec![0.0f64; patch.iter().max().map_or(0, |&p| usize::from(p) + 1)];
+    patch.iter().zip(importance).for_each(|(&p, i)| sums[usize::from(p)] += f64::from(*i));
+    let share = |(&p, i): (&u16, &f32)| (f64::from(*i) / sums[usize::from(p)].max(f64::MIN_POSITIVE)) as f32;
+    patch.iter().zip(importance).map(share).collect()
 }
 
 /// A part of a patch as a vertex sees it.

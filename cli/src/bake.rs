@@ -11,7 +11,7 @@ use lunette_scenes::{Portal, Scene};
 use crate::args::{self, Effort};
 use crate::output;
 use crate::progress::{Bar, say};
-use crate::{portals, scene};
+use crate::{glossy, portals, scene};
 
 /// `lunette bake`
 pub fn run(arguments: &args::Bake) -> Result<()> {
@@ -22,6 +22,7 @@ pub fn run(arguments: &args::Bake) -> Result<()> {
     let portal_options = portals::options(&arguments.portals)?;
     let mut scene = scene::load(&arguments.scene, &arguments.read)?;
     let portals = portals::take(&mut scene, &arguments.scene, &arguments.portals)?;
+    glossy::report(&scene, &arguments.scene, &portals);
     let started = Instant::now();
     let asset = if portals.is_empty() {
         bake(&scene, &arguments.scene, &options)?

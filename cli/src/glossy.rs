@@ -7,11 +7,22 @@ use glam::Vec3;
 use lunette_relight::glossy::HIGHEST_EXPONENT;
 use lunette_relight::light::Light;
 use lunette_render::{Gloss, Image, Surface, Visibility};
-use lunette_scenes::Scene;
+use lunette_scenes::{Portal, Scene};
 
 use crate::engine::Engine;
 use crate::progress::say;
 use crate::stage;
+
+/// Says which materials a bake takes otherwise than their file has them.
+pub fn report(scene: &Scene, name: &str, portals: &[Portal]) {
+    scene.gloss_report(HIGHEST_EXPONENT).iter().for_each(|line| say(&format!("{name}: {line}")));
+    let is_glossy = scene.materials.iter().any(|m| m.lobe(HIGHEST_EXPONENT).is_some());
+    if is_glossy && portals.is_empty() {
+        say(&format!(
+            "{name}: under the open sky glossy materials are baked as diffuse; an interior keeps them"
+        ));
+    }
+}
 
 /// The gloss of a scene as the reference takes it.
 pub struct Coat {

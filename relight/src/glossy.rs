@@ -25,12 +25,13 @@
 //! | `glossy.vertex` | u32 \[G\] | which, rising |
 //! | `glossy.lobe` | f32 \[G,4\] | Ks red, green, blue; exponent |
 //! | `glossy.patch` | u16 \[V\] | patch of each vertex of the mesh |
+//! | `glossy.share` | f16 \[V\] | part of its patch that it stands for, times the tensor's scale: 1 over a patch |
 //! | `glossy.start` | u32 \[G+1\] | row g has the entries `start[g]..start[g+1]` |
 //! | `glossy.source` | u16 \[N\] | patch |
 //! | `glossy.direction` | u16 \[N\] | texel of a 104 x 104 x 6 cubemap |
 //! | `glossy.weight` | f16 \[N\] | M, times the tensor's scale |
 //!
-//! The last five are absent where no bounced light is baked.
+//! The last six are absent where no bounced light is baked.
 //!
 //! Where it breaks: light is spread over a texel, and a highlight with it; a patch shines evenly; other glossy surfaces
 //! are seen as diffuse ones of the same mean reflectance ([`mean_reflectance`]); and radiance between vertices is
@@ -40,9 +41,12 @@
 //! Environment Illumination, 2009, section 4.1 (rows per outgoing direction); Lafortune and Willems, Using the Modified
 //! Phong Reflectance Model for Physically Based Rendering, 1994.
 
-use glam::{Vec2, Vec3, Vec4};
+use std::f32::consts::PI;
 
-use crate::asset::{Asset, Error, NO_PATCH};
+use glam::{Vec2, Vec3, Vec4};
+use half::f16;
+
+use crate::asset::{Asset, Error};
 use crate::cubemap::{self, n_texels};
 use crate::portal_frame::PortalFrame;
 use crate::sparse::{Rows, decode};
@@ -54,8 +58,8 @@ mod tests;
 
 pub use lobe::mean_reflectance;
 use lobe::{Entries, Lobe};
-use matrix::Matrix;
 pub(crate) use matrix::check;
+use matrix::{Matrix, Seen};
 
 /// Materials of a higher exponent are to be shaded as diffuse.
 pub const HIGHEST_EXPONENT: f32 = 40.0;
@@ -84,7 +88,7 @@ struct Direct {
 /// What patches send out.
 struct Bounced {
     weight: Vec<f32>,
-    /// area (ρ + Ks') / (π area of the patch), per vertex of the mesh.
+    /// The vertex's part of its patch times its reflectance over π, per vertex of the mesh.
     share: Vec<Vec3>,
     directions: Vec<Vec4>,
     light: Vec<Vec4>,
@@ -103,7 +107,7 @@ impl<'a> Glossy<'a> {
         }
         let bounced = matrix.seen.as_ref().map(|seen| Bounced {
             weight: seen.weight.iter().map(|w| w.to_f32() * seen.scale).collect(),
-            share: shares(asset, seen.patch, seen.n_patches),
+            share: shares(asset, seen),
             directions: directions(DIRECTION_SIDE),
             light: vec![Vec4::ZERO; seen.n_patches],
         });
@@ -188,7 +192,7 @@ impl<'a> Glossy<'a> {
     /// Bytes in the file for each glossy vertex, beyond the direct rows that every vertex has.
     pub fn bytes_per_vertex(&self) -> f32 {
         let seen = self.matrix.seen.as_ref();
-        let bytes = seen.map_or(0, |s| 6 * s.source.len() + 4 * s.start.len() + 2 * s.patch.len());
+        let bytes = seen.map_or(0, |s| 6 * s.source.len() + 4 * s.start.len() + 4 * s.patch.len());
         20.0 + bytes as f32 / self.matrix.vertex.len() as f32
     }
 
@@ -236,15 +240,7 @@ pub fn reflectance(asset: &Asset) -> Vec<Vec3> {
 }
 
 /// Per vertex the radiance that its patch sends out for each unit of the vertex's irradiance.
-fn shares(asset: &Asset, patch: &[u16], n_patches: usize) -> Vec<Vec3> {
-    let area = asset.vertex_area();
-    let mut of_patch = vec![0.0f64; n_patches];
-    for (p, area) in patch.iter().zip(&area).filter(|(p, _)| **p != NO_PATCH) {
-        of_patch[usize::from(*p)] += area;
-    }
-    let share = |((p, area), rho): ((&u16, &f64), Vec3)| match of_patch.get(usize::from(*p)) {
-        Some(total) if *total > 0.0 => rho * (area / total / std::f64::consts::PI) as f32,
-        _ => Vec3::ZERO,
-    };
-    patch.iter().zip(&area).zip(reflectance(asset)).map(share).collect()
+fn shares(asset: &Asset, seen: &Seen) -> Vec<Vec3> {
+    let share = |(share, rho): (&f16, Vec3)| rho * share.to_f32() * seen.share_scale / PI;
+    seen.share.iter().zip(reflectance(asset)).map(share).collect()
 }

@@ -167,7 +167,7 @@ impl<'a> Carrier<'a> {
 
 /// area ρ / area of the patch, per vertex; 0 for a patch without area.
 fn weights(asset: &Asset, patch: &[u16], n_patches: usize) -> Vec<Vec3> {
-    let area = asset.vertex_area();
+    let area = vertex_area(asset);
     let mut patch_area = vec![0.0f64; n_patches];
     for (p, area) in patch.iter().zip(&area) {
         if *p != NO_PATCH {
@@ -179,6 +179,18 @@ fn weights(asset: &Asset, patch: &[u16], n_patches: usize) -> Vec<Vec3> {
         _ => Vec3::ZERO,
     };
     patch.iter().zip(&area).zip(reflectance(asset)).map(weight).collect()
+}
+
+fn vertex_area(asset: &Asset) -> Vec<f64> {
+    let position = asset.positions();
+    let mut area = vec![0.0; position.len()];
+    for triangle in asset.triangles() {
+        let [p, q, r] = triangle.map(|v| Vec3::from(position[v as usize]).as_dvec3());
+        for v in triangle {
+            area[*v as usize] += (q - p).cross(r - p).length() / 6.0;
+        }
+    }
+    area
 }
 
 #[cfg(test)]

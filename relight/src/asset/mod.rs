@@ -20,7 +20,6 @@ mod tensor;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
-use glam::Vec3;
 use half::f16;
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
@@ -232,19 +231,6 @@ impl<'a> Asset<'a> {
             Some(Data::U32(values)) => bytemuck::cast_slice(values),
             _ => &[],
         }
-    }
-
-    /// A third of the area of the triangles around each vertex, m², \[V\].
-    pub fn vertex_area(&self) -> Vec<f64> {
-        let position = self.positions();
-        let mut area = vec![0.0; position.len()];
-        for triangle in self.triangles() {
-            let [p, q, r] = triangle.map(|v| Vec3::from(position[v as usize]).as_dvec3());
-            for v in triangle {
-                area[*v as usize] += (q - p).cross(r - p).length() / 6.0;
-            }
-        }
-        area
     }
 
     /// The stored values of an f16 tensor, and the factor that turns them into the values meant.

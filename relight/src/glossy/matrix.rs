@@ -7,7 +7,7 @@ use crate::asset::{Asset, Data, Error, NO_PATCH};
 use crate::cubemap::n_texels;
 
 /// Names after `glossy.`.
-const NAMES: [&str; 7] = ["vertex", "lobe", "patch", "start", "source", "direction", "weight"];
+const NAMES: [&str; 8] = ["vertex", "lobe", "patch", "share", "start", "source", "direction", "weight"];
 
 /// Borrowed from an asset.
 pub struct Matrix<'a> {
@@ -20,6 +20,8 @@ pub struct Matrix<'a> {
 /// Which patches the glossy vertices see.
 pub struct Seen<'a> {
     pub patch: &'a [u16],
+    pub share: &'a [f16],
+    pub share_scale: f32,
     pub n_patches: usize,
     pub start: &'a [u32],
     pub source: &'a [u16],
@@ -73,10 +75,15 @@ impl<'a> Seen<'a> {
             ));
         }
         let known = patch.iter().filter(|p| **p != NO_PATCH);
-        let (weight, scale) =
-            asset.half(&name("weight")).ok_or_else(|| wrong("weight", "missing, or not half floats"))?;
+        let (weight, scale) = halves(asset, "weight")?;
+        let (share, share_scale) = halves(asset, "share")?;
+        if share.len() != patch.len() {
+            return Err(wrong("share", &format!("{} values for {} vertices", share.len(), patch.len())));
+        }
         let seen = Seen {
             patch,
+            share,
+            share_scale,
             n_patches: known.max().map_or(0, |&p| usize::from(p) + 1),
             start: words(asset, "start")?,
             source: shorts(asset, "source")?,
@@ -133,6 +140,10 @@ fn shorts<'a>(asset: &'a Asset<'a>, part: &str) -> Result<&'a [u16], Error> {
         Some(other) => Err(wrong(part, &format!("{:?} instead of U16", other.dtype()))),
         None => Err(wrong(part, "missing")),
     }
+}
+
+fn halves<'a>(asset: &'a Asset<'a>, part: &str) -> Result<(&'a [f16], f32), Error> {
+    asset.half(&name(part)).ok_or_else(|| wrong(part, "missing, or not half floats"))
 }
 
 fn name(part: &str) -> String {

@@ -1,10 +1,8 @@
-use std::borrow::Cow;
-use std::f32::consts::PI;
-
 use super::*;
-use crate::asset::{Data, Metadata};
+use crate::asset::{Data, Metadata, NO_PATCH};
 use crate::shell::Shell;
 use crate::sparse::{Basis, Choice, Encoder, Encoding, RowStore};
+use std::borrow::Cow;
 
 const N: usize = 32;
 /// Vertices of the asset; the middle one is glossy.
@@ -43,13 +41,14 @@ fn open(specular: f32, exponent: f32, basis: Basis) -> Asset<'static> {
 fn add_seen(asset: &mut Asset<'static>) {
     let all: Vec<usize> = (0..n_texels(DIRECTION_SIDE))
         .filter(|&t| cubemap::direction(DIRECTION_SIDE, t, Vec2::splat(0.5)).y > 0.0)
-        .step_by(7)
+        .step_by(11)
         .collect();
     let cosine = |t: &usize| cubemap::direction(DIRECTION_SIDE, *t, Vec2::splat(0.5)).y;
     let weight: Vec<f32> =
-        all.iter().map(|t| 7.0 * cubemap::solid_angle(DIRECTION_SIDE, *t) * cosine(t)).collect();
+        all.iter().map(|t| 11.0 * cubemap::solid_angle(DIRECTION_SIDE, *t) * cosine(t)).collect();
     let n = all.len();
     asset.insert("glossy.patch", &[V], Data::U16(Cow::Owned(vec![0, NO_PATCH, 0])));
+    asset.insert_scaled("glossy.share", &[V], &[0.75, 1.0, 0.25]);
     asset.insert("glossy.start", &[2], Data::U32(Cow::Owned(vec![0, n as u32])));
     asset.insert("glossy.source", &[n], Data::U16(Cow::Owned(vec![0; n])));
     let direction = all.iter().map(|t| *t as u16).collect();
@@ -111,13 +110,13 @@ fn bounced_light_is_what_the_patches_send_out() {
     asset.to_bytes().expect("good tensors");
     // All around is a patch of albedo 1/2 under irradiance 2: radiance 1 / π beside the shell's 1.
     let found = sent(&asset, 0.3, 2.0);
-    // One direction in seven stands for its neighbours.
+    // One direction in eleven stands for its neighbours.
     assert!((found / dark - (1.0 + 1.0 / PI)).truncate().abs().max_element() < 0.003, "{found} {dark}");
     assert_eq!(sent(&asset, 0.3, 0.0), dark);
     let glossy = Glossy::open(&asset).unwrap().unwrap();
     let entries = asset.tensor("glossy.source").unwrap().data.len() as f32;
     assert_eq!(glossy.entries_per_vertex().1, entries);
-    assert_eq!(glossy.bytes_per_vertex(), 20.0 + 6.0 * entries + 2.0 * 4.0 + 3.0 * 2.0);
+    assert_eq!(glossy.bytes_per_vertex(), 20.0 + 6.0 * entries + 2.0 * 4.0 + 3.0 * 4.0);
 }
 
 #[test]
@@ -230,6 +229,7 @@ fn broken_tensors_cannot_be_written() {
     refused("glossy.source", &[n - 1], shorts(vec![0; n - 1]), "rising list from 0");
     refused("glossy.direction", &[n], shorts(vec![u16::MAX; n]), "past direction 64896");
     refused("glossy.direction", &[1], shorts(vec![0]), "1 values");
+    refused("glossy.share", &[2], Data::F16(Cow::Owned(vec![f16::ONE; 2])), "2 values for 3 vertices");
     refused("glossy.weight", &[n], shorts(vec![0; n]), "half floats");
 }
 
@@ -240,8 +240,20 @@ fn n_entries() -> usize {
 }
 
 #[test]
+fn every_truncation_of_a_glossy_asset_is_an_error() {
+    let mut asset = open(0.5, 10.0, Basis::Pulse);
+    add_seen(&mut asset);
+    let bytes = asset.to_bytes().unwrap();
+    assert!(Glossy::open(&Asset::from_bytes(&bytes).unwrap()).unwrap().is_some());
+    for length in 0..bytes.len() {
+        let error = Asset::from_bytes(&bytes[..length]).expect_err("cut").to_string();
+        assert!(!error.contains('\n'), "{length}: {error}");
+    }
+}
+
+#[test]
 fn missing_tensors_are_named() {
-    for part in ["vertex", "lobe", "patch", "start", "source", "direction", "weight"] {
+    for part in ["vertex", "lobe", "patch", "share", "start", "source", "direction", "weight"] {
         let mut whole = open(0.5, 10.0, Basis::Pulse);
         add_seen(&mut whole);
         let mut asset = Asset::new(whole.metadata.clone());
