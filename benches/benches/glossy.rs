@@ -206,7 +206,11 @@ impl Frame<'_> {
             let mut glossy = Glossy::open(self.asset).expect("good tensors").expect("a glossy object");
             let eye = self.visibility.eye().to_array();
             let mut out = vec![[0.0; 3]; glossy.vertices().len()];
+            let aimed = std::env::var("NO_AIM").is_err();
             let projected = least(ROUNDS, || glossy.project(&frame, &irradiance));
+            if aimed {
+                glossy.aim(&frame, self.light);
+            }
             let seen = least(ROUNDS, || glossy.radiance_parallel(eye, &mut out));
             let (texels, patches) = glossy.entries_per_vertex();
             println!(

@@ -60,6 +60,7 @@ pub fn shade(
         let mut specular = vec![[0.0; 3]; glossy.vertices().len()];
         let started = Instant::now();
         glossy.project(frame, irradiance);
+        glossy.aim(frame, light);
         glossy.radiance_parallel(visibility.eye().to_array(), &mut specular);
         let milliseconds = started.elapsed().as_secs_f64() * 1e3;
         for (&v, s) in glossy.vertices().iter().zip(&specular) {

@@ -33,7 +33,7 @@
 //!
 //! The last six are absent where no bounced light is baked.
 //!
-//! Where it breaks: light is spread over a texel, and a highlight with it; a patch shines evenly; other glossy surfaces
+//! Where it breaks: the shadow of a sun is as soft as a texel, and a highlight with it; a patch shines evenly; other glossy surfaces
 //! are seen as diffuse ones of the same mean reflectance ([`mean_reflectance`]); and radiance between vertices is
 //! interpolated, so that a mesh must be fine where it curves.
 //!
@@ -48,14 +48,17 @@ use half::f16;
 
 use crate::asset::{Asset, Error};
 use crate::cubemap::{self, n_texels};
+use crate::light::Light;
 use crate::portal_frame::PortalFrame;
 use crate::sparse::{Rows, decode};
 
+mod aim;
 mod lobe;
 mod matrix;
 #[cfg(test)]
 mod tests;
 
+use aim::Aims;
 pub use lobe::mean_reflectance;
 use lobe::{Entries, Lobe};
 pub(crate) use matrix::check;
@@ -74,14 +77,18 @@ pub struct Glossy<'a> {
     normal: &'a [[f32; 3]],
     direct: Vec<Direct>,
     bounced: Option<Bounced>,
+    aims: Aims,
 }
 
 /// Rows of the glossy vertices on a portal's cubemap, texel by texel, and its light.
 struct Direct {
+    n: usize,
     start: Vec<u32>,
     weight: Vec<f32>,
     texel: Vec<u16>,
     directions: Vec<Vec4>,
+    /// Texels whose directions are not their middles.
+    moved: Vec<u16>,
     light: Vec<Vec4>,
 }
 
@@ -101,9 +108,10 @@ impl<'a> Glossy<'a> {
     /// When its tensors do not hold together, which an asset that was read cannot have.
     pub fn open(asset: &'a Asset<'a>) -> Result<Option<Glossy<'a>>, Error> {
         let Some(matrix) = Matrix::open(asset)? else { return Ok(None) };
-        let mut direct = Vec::new();
+        let (mut direct, mut aims) = (Vec::new(), Aims::new());
         while let Some(rows) = Rows::open(asset, &format!("portal.{}.direct", direct.len()))? {
             direct.push(Direct::unpack(&rows, matrix.vertex));
+            aims.reserve(rows.n());
         }
         let bounced = matrix.seen.as_ref().map(|seen| Bounced {
             weight: seen.weight.iter().map(|w| w.to_f32() * seen.scale).collect(),
@@ -111,7 +119,8 @@ impl<'a> Glossy<'a> {
             directions: directions(DIRECTION_SIDE),
             light: vec![Vec4::ZERO; seen.n_patches],
         });
-        Ok(Some(Glossy { matrix, position: asset.positions(), normal: asset.normals(), direct, bounced }))
+        let (position, normal) = (asset.positions(), asset.normals());
+        Ok(Some(Glossy { matrix, position, normal, direct, bounced, aims }))
     }
 
     /// The glossy vertices, rising.
@@ -138,6 +147,20 @@ impl<'a> Glossy<'a> {
             if let Some(light) = bounced.light.get_mut(usize::from(*patch)) {
                 *light += (*share * Vec3::from(*e)).extend(0.0);
             }
+        }
+    }
+
+    /// Tells of the light outside what a shell does not hold: where in a texel a sun or lamp is that is smaller than it.
+    /// To be called after the frame's shells were set; without it all light of a texel comes from its middle. Allocates
+    /// only for more than sixteen discs.
+    ///
+    /// # Panics
+    /// When the frame is of another asset.
+    pub fn aim(&mut self, frame: &PortalFrame, light: &Light) {
+        assert_eq!(frame.n_portals(), self.direct.len(), "a frame of the same asset");
+        self.aims.split(light);
+        for (k, direct) in self.direct.iter_mut().enumerate() {
+            self.aims.apply(frame, k, direct);
         }
     }
 
@@ -218,7 +241,10 @@ impl Direct {
             }
             start.push(weight.len() as u32);
         }
-        Direct { start, weight, texel, directions: directions(n), light: vec![Vec4::ZERO; n_texels(n)] }
+        let (directions, light) = (directions(n), vec![Vec4::ZERO; n_texels(n)]);
+        // A small disc touches four texels at most.
+        let moved = Vec::with_capacity(256);
+        Direct { n, start, weight, texel, directions, moved, light }
     }
 }
 

@@ -169,6 +169,22 @@ impl<'a> PortalFrame<'a> {
         &self.portals[k].texels
     }
 
+    /// Radiance of each texel of portal `k`'s shell as it was given, before its glass.
+    ///
+    /// # Panics
+    /// When there is no such portal.
+    pub fn captured(&self, k: usize) -> &[[f32; 3]] {
+        &self.portals[k].captured
+    }
+
+    /// The glass of portal `k`.
+    ///
+    /// # Panics
+    /// When there is no such portal.
+    pub fn material(&self, k: usize) -> Material {
+        self.portals[k].material
+    }
+
     /// V.
     pub fn n_vertices(&self) -> usize {
         self.n_vertices

@@ -155,7 +155,6 @@ fn direct_gloss_matches_brute_force() {
     }
     // The window is some thousands of the oracle's rays, of which those along its edge are a matter of chance; and it
     // cuts texels anywhere: half a percent each.
-    eprintln!("bias {}", off.iter().sum::<f64>() / size.iter().sum::<f64>());
     let relative = rms(off) / rms(size);
     assert!(relative < 0.015, "{relative}");
 }
@@ -195,20 +194,6 @@ fn sums(room: &Room, light: &Light, samples: u32) -> [[f64; 3]; 3] {
         let inside = || pixels.iter().zip(&is_object).filter(|(_, is)| **is);
         [0, 1, 2].map(|c| inside().map(|(p, _)| f64::from(p[c]).powi(power)).sum::<f64>())
     };
-    let mut dark = room.glossy();
-    dark.project(&frame, &vec![[0.0; 3]; albedo.len()]);
-    let mut rd = vec![Vec3::ZERO; albedo.len()];
-    for (&v, s) in glossy.vertices().iter().zip(sent(&dark)) {
-        rd[v as usize] = Vec3::from(s);
-    }
-    let (a, b, c, d) = (
-        sum(&shade(&radiance), 1),
-        sum(&truth.image.pixels, 1),
-        sum(&shade(&rd), 1),
-        sum(&truth.direct.pixels, 1),
-    );
-    eprintln!("direct {:?} {:?} {}", c, d, c[0] / d[0]);
-    eprintln!("indirect {:?}", [0, 1, 2].map(|i| (a[i] - c[i]) / (b[i] - d[i])));
     [sum(&shade(&radiance), 1), sum(&truth.image.pixels, 1), sum(&truth.error.pixels, 2).map(f64::sqrt)]
 }
 
@@ -218,17 +203,12 @@ fn picture_of_a_glossy_object_has_no_bias_against_the_reference() {
         let glossy = scene.materials.iter_mut().filter(|m| m.specular != Vec3::ZERO);
         glossy.for_each(|m| m.albedo = Vec3::ZERO);
     };
-    let e = std::env::var("EDGE").unwrap_or("0.3".into());
-    let room = changed_room(
-        &format!("box-room:edge={e},gloss=0.4,exponent=10"),
-        &Options { order: 1, indirect_order: 1, ..options(512, 1) },
-        dull,
-    );
-    let [found, truth, noise] = sums(&room, &light("uniform"), 2048);
+    let room = changed_room("box-room:edge=0.15,gloss=0.4,exponent=10", &options(512, 1), dull);
+    let [found, truth, noise] = sums(&room, &light("uniform"), 512);
     for c in 0..3 {
         let (off, noise) = (found[c] / truth[c] - 1.0, noise[c] / truth[c]);
-        // Four standard errors, and 1 % for the silhouette and radiance that is interpolated between vertices.
-        assert!(noise < 0.005 && off.abs() < 4.0 * noise + 0.01, "{off} ± {noise}");
+        // Four standard errors, and 3 % for radiance interpolated over facets of 0.04 m on ears of 0.1 m.
+        assert!(noise < 0.008 && off.abs() < 4.0 * noise + 0.03, "{off} ± {noise}");
     }
 }
 
@@ -242,10 +222,12 @@ fn lobes_bounce_as_much_light_as_a_diffuse_coat_of_their_reflectance() {
     }
     let portals = take_portals(&mut coated, &["glass*".into()]).expect("a window");
     blacken_outside(&mut coated, &portals[0]);
+    let portal_options = PortalOptions { carrier: None, ..PortalOptions::default() };
     let (coated, _) =
-        bake_portals(&coated, &portals, &options(64, 2), &PortalOptions::default(), &Silent).expect("a bake");
-    for tensor in ["portal.0.indirect.sh", "portal.0.direct.value", "indirect.gather", "indirect.spread"] {
-        assert_eq!(glossy.asset.tensor(tensor), coated.tensor(tensor), "{tensor}");
+        bake_portals(&coated, &portals, &options(64, 2), &portal_options, &Silent).expect("a bake");
+    for tensor in ["portal.0.indirect.sh", "portal.0.direct.value"] {
+        let (a, b) = (glossy.asset.tensor(tensor).expect("baked"), coated.tensor(tensor).expect("baked"));
+        assert!(a == b, "{tensor}");
     }
     assert!(coated.tensors().all(|(name, _)| !name.starts_with("glossy.")), "nothing for matt vertices");
     assert!(Glossy::open(&coated).expect("no tensors at all").is_none());
