@@ -29,18 +29,31 @@ use lunette_scenes::{Material, Portal, Scene, builtin, take_portals};
 
 /// The room: 48,000 vertices; the paper's has 44,763.
 const SCENE: &str = "box-room:edge=0.08,gloss=0.4,exponent=10";
-const SIZE: (usize, usize) = (80, 60);
-const PATHS: u32 = 6144;
 const BOUNCES: usize = 9;
 const ROUNDS: usize = 10;
 
+/// A sunny sky, and how it is judged.
+struct Case {
+    name: &'static str,
+    /// Of the sun, degrees.
+    azimuth: f32,
+    elevation: f32,
+    size: (usize, usize),
+    /// Paths per pixel of the reference.
+    paths: u32,
+}
+
+/// The sun falls through the window on the floor beside the object, which it lights from below; and on the object itself,
+/// whose every shadow's edge is then a texel wide instead of half a degree.
+const CASES: [Case; 2] = [
+    Case { name: "sun beside", azimuth: 300.0, elevation: 40.0, size: (64, 48), paths: 3072 },
+    Case { name: "sun on it", azimuth: 270.0, elevation: 28.0, size: (80, 60), paths: 6144 },
+];
+
 fn main() {
     let (room, portals) = room();
-    let light =
-        Light::new(Source::Sky(Sky::new(270f32.to_radians(), 28f32.to_radians(), 3.0).expect("a good sky")));
-    let eye = Vec3::new(1.6, 1.35, 1.6);
-    let camera = Camera::new(eye, Vec3::new(-0.15, 0.65, -0.9), 58.0);
-    let truth = reference(&room, &portals, &light, &camera);
+    let camera = Camera::new(Vec3::new(1.6, 1.35, 1.6), Vec3::new(-0.15, 0.65, -0.9), 58.0);
+    let truths = CASES.map(|case| case.reference(&room, &portals, &camera));
     let started = Instant::now();
     let options = Options { order: 4, indirect_order: 4, rays: 1024, bounces: BOUNCES, ..Options::default() };
     let (baked, _) =
@@ -49,16 +62,23 @@ fn main() {
     // Through the file's bytes, so that what is judged is what is stored.
     let bytes = baked.to_bytes().expect("bytes");
     let asset = Asset::from_bytes(&bytes).expect("an asset");
-    let surface = surface(&asset);
-    let plain = Tracer::new(surface).expect("a tracer");
-    let visibility = trace(&plain, &camera, SIZE.0, SIZE.1).expect("a picture");
-    let object = object(&asset, &visibility);
     println!("{} vertices, {} triangles", asset.n_vertices(), asset.triangles().len());
-    for carried in [Indirect::DirectToIndirect, Indirect::Sh] {
-        println!("bounced light: {carried:?}");
-        let frame = Frame { asset: &asset, visibility: &visibility, light: &light, carried };
-        frame.judge("glossy", Shine::Glossy, &truth, &object);
-        frame.judge("diffuse alone", Shine::Matt, &truth, &object);
+    let plain = Tracer::new(surface(&asset)).expect("a tracer");
+    for (case, truth) in CASES.iter().zip(&truths) {
+        let visibility = trace(&plain, &camera, case.size.0, case.size.1).expect("a picture");
+        for carried in [Indirect::DirectToIndirect, Indirect::Sh] {
+            println!("{}, bounced light {carried:?}", case.name);
+            let frame = Frame {
+                asset: &asset,
+                visibility: &visibility,
+                light: &case.light(),
+                carried,
+                case: case.name,
+            };
+            frame.judge("glossy", Shine::Glossy, truth);
+            frame.judge("not aimed", Shine::Unaimed, truth);
+            frame.judge("diffuse alone", Shine::Matt, truth);
+        }
     }
 }
 
@@ -108,25 +128,40 @@ struct Truth {
     error: Image,
 }
 
-fn reference(room: &Scene, portals: &[Portal], light: &Light, camera: &Camera) -> Truth {
-    let (image, error) = (kept(""), kept("-error"));
-    if let (Ok(image), Ok(error)) = (read_image(&image), read_image(&error)) {
-        return Truth { image, error };
+impl Case {
+    fn light(&self) -> Light {
+        let [azimuth, elevation] = [self.azimuth, self.elevation].map(f32::to_radians);
+        Light::new(Source::Sky(Sky::new(azimuth, elevation, 3.0).expect("a good sky")))
     }
-    let started = Instant::now();
-    let asset = mesh_asset(room);
-    let lobes = room.vertex_lobes(HIGHEST_EXPONENT);
-    let (specular, exponent): (Vec<Vec3>, Vec<f32>) = lobes.iter().map(|l| (l.specular, l.exponent)).unzip();
-    let tracer = Tracer::new(surface(&asset)).and_then(|t| t.with_portals(&rectangle(portals)));
-    let tracer = tracer.and_then(|t| t.with_gloss(Gloss { specular: &specular, exponent: &exponent }));
-    let options = ReferenceOptions { samples: PATHS, bounces: BOUNCES as u32, seed: 1 };
-    let truth =
-        reference_image(&tracer.expect("a tracer"), light, camera, SIZE, &options, |_| ()).expect("paths");
-    println!("reference traced in {:.0} s", started.elapsed().as_secs_f64());
-    for (path, picture) in [(&image, &truth.image), (&error, &truth.error)] {
-        write_exr(path, picture).expect("the target folder can be written to");
+
+    fn kept(&self, suffix: &str) -> PathBuf {
+        let name = format!("{SCENE}-{}-{}-{:?}-{}", self.azimuth, self.elevation, self.size, self.paths);
+        let name: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
+        Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../target/{name}{suffix}.exr"))
     }
-    Truth { image: truth.image, error: truth.error }
+
+    fn reference(&self, room: &Scene, portals: &[Portal], camera: &Camera) -> Truth {
+        let (image, error) = (self.kept(""), self.kept("-error"));
+        if let (Ok(image), Ok(error)) = (read_image(&image), read_image(&error)) {
+            return Truth { image, error };
+        }
+        let started = Instant::now();
+        let asset = mesh_asset(room);
+        let lobes = room.vertex_lobes(HIGHEST_EXPONENT);
+        let (specular, exponent): (Vec<Vec3>, Vec<f32>) =
+            lobes.iter().map(|l| (l.specular, l.exponent)).unzip();
+        let tracer = Tracer::new(surface(&asset)).and_then(|t| t.with_portals(&rectangle(portals)));
+        let tracer = tracer.and_then(|t| t.with_gloss(Gloss { specular: &specular, exponent: &exponent }));
+        let options = ReferenceOptions { samples: self.paths, bounces: BOUNCES as u32, seed: 1 };
+        let truth =
+            reference_image(&tracer.expect("a tracer"), &self.light(), camera, self.size, &options, |_| ())
+                .expect("paths");
+        println!("reference traced in {:.0} s", started.elapsed().as_secs_f64());
+        for (path, picture) in [(&image, &truth.image), (&error, &truth.error)] {
+            write_exr(path, picture).expect("the target folder can be written to");
+        }
+        Truth { image: truth.image, error: truth.error }
+    }
 }
 
 /// The window's two largest triangles: the same opening as its many, and aiming at two costs less.
@@ -138,15 +173,11 @@ fn rectangle(portals: &[Portal]) -> Vec<[Vec3; 3]> {
     vec![[low, b, high], [low, high, c]]
 }
 
-fn kept(suffix: &str) -> PathBuf {
-    let name = SCENE.replace([':', '=', ','], "-");
-    let (w, h) = SIZE;
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../target/{name}-{w}x{h}-{PATHS}{suffix}.exr"))
-}
-
 #[derive(Clone, Copy, PartialEq)]
 enum Shine {
     Glossy,
+    /// As glossy, the sun in the middle of its texel.
+    Unaimed,
     Matt,
 }
 
@@ -155,13 +186,19 @@ struct Frame<'a> {
     visibility: &'a Visibility,
     light: &'a Light,
     carried: Indirect,
+    case: &'static str,
 }
 
 impl Frame<'_> {
-    fn judge(&self, name: &str, shine: Shine, truth: &Truth, object: &[f32]) {
+    fn judge(&self, name: &str, shine: Shine, truth: &Truth) {
         let image = self.picture(shine);
-        let rest: Vec<f32> = object.iter().map(|o| 1.0 - o).collect();
-        for (part, weight) in [("picture", None), ("object", Some(object)), ("rest", Some(&rest[..]))] {
+        // The sky itself, seen through the window, is no result.
+        let surface: Vec<f32> =
+            self.visibility.coverage().iter().map(|c| if *c > 0.999 { 1.0 } else { 0.0 }).collect();
+        let object = object(self.asset, self.visibility);
+        let rest: Vec<f32> = object.iter().zip(&surface).map(|(o, s)| s * (1.0 - o)).collect();
+        for (part, weight) in [("picture", &surface), ("object", &object), ("rest", &rest)] {
+            let weight = Some(&weight[..]);
             let d = difference(&image.pixels, &truth.image.pixels, weight).expect("numbers");
             let noise = noise(&truth.error.pixels, &truth.image.pixels, weight).expect("numbers");
             println!(
@@ -173,7 +210,7 @@ impl Frame<'_> {
         }
         let exposure = lunette_render::Exposure::Stops(auto_exposure(&truth.image));
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target");
-        let name = format!("glossy-{:?}-{}", self.carried, name.replace(' ', "-"));
+        let name = format!("glossy-{}-{:?}-{name}", self.case, self.carried).replace(' ', "-");
         let pictures = [("", &image), ("-reference", &truth.image)];
         for (suffix, picture) in pictures {
             let path = folder.join(format!("{name}{suffix}.png"));
@@ -202,13 +239,12 @@ impl Frame<'_> {
             .zip(surface.albedo)
             .map(|(e, rho)| Vec3::from(*e).max(Vec3::ZERO) * *rho / std::f32::consts::PI)
             .collect();
-        if shine == Shine::Glossy {
+        if shine != Shine::Matt {
             let mut glossy = Glossy::open(self.asset).expect("good tensors").expect("a glossy object");
             let eye = self.visibility.eye().to_array();
             let mut out = vec![[0.0; 3]; glossy.vertices().len()];
-            let aimed = std::env::var("NO_AIM").is_err();
             let projected = least(ROUNDS, || glossy.project(&frame, &irradiance));
-            if aimed {
+            if shine == Shine::Glossy {
                 glossy.aim(&frame, self.light);
             }
             let seen = least(ROUNDS, || glossy.radiance_parallel(eye, &mut out));

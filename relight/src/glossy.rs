@@ -65,7 +65,7 @@ pub(crate) use matrix::check;
 use matrix::{Matrix, Seen};
 
 /// Materials of a higher exponent are to be shaded as diffuse.
-pub const HIGHEST_EXPONENT: f32 = 40.0;
+pub const HIGHEST_EXPONENT: f32 = 64.0;
 
 /// Texels on a side of the cubemap whose texels number stored directions: the finest that 16 bits count, 0.015 radians.
 pub const DIRECTION_SIDE: usize = 104;

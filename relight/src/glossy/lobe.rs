@@ -27,8 +27,8 @@ enum Power {
     Real(f32),
 }
 
-/// Entries at a time: one wide vector, or two.
-const LANES: usize = 8;
+/// Entries at a time: long enough that vectors fill and branches are few.
+const LANES: usize = 32;
 
 impl Lobe {
     /// `r` is of unit length.
@@ -43,21 +43,48 @@ impl Lobe {
         (self.exponent + 2.0) / (2.0 * PI) as f32
     }
 
-    /// Σ weight light max(r·ω, 0)^e. Numbers beyond `directions` or `light` count for nothing.
+    /// Σ weight light max(r·ω, 0)^e.
+    ///
+    /// # Panics
+    /// When a number is beyond `directions` or `light`.
     pub fn sum(&self, entries: &Entries, directions: &[Vec4], light: &[Vec4]) -> Vec4 {
+        let (weight, weight_rest) = entries.weight.as_chunks::<LANES>();
+        let (direction, direction_rest) = entries.direction.as_chunks::<LANES>();
+        let (source, source_rest) = entries.source.as_chunks::<LANES>();
         let mut sum = Vec4::ZERO;
-        let chunks = entries.weight.chunks(LANES).zip(entries.direction.chunks(LANES));
-        for ((weight, direction), source) in chunks.zip(entries.source.chunks(LANES)) {
-            let mut kernel = [0.0; LANES];
-            for (c, &d) in kernel.iter_mut().zip(direction) {
-                *c = directions.get(usize::from(d)).map_or(0.0, |d| d.dot(self.r));
-            }
-            self.raise(&mut kernel);
-            for ((k, w), &s) in kernel.iter().zip(weight).zip(source) {
-                if let Some(l) = light.get(usize::from(s)) {
-                    sum += k * w * *l;
-                }
-            }
+        for ((weight, direction), source) in weight.iter().zip(direction).zip(source) {
+            sum += self.sum_lanes(weight, direction, source, directions, light);
+        }
+        // The rest goes on as entries of no weight.
+        let n = weight_rest.len();
+        if n > 0 {
+            let (mut weight, mut direction, mut source) = ([0.0; LANES], [0; LANES], [0; LANES]);
+            weight[..n].copy_from_slice(weight_rest);
+            direction[..n].copy_from_slice(direction_rest);
+            source[..n].copy_from_slice(source_rest);
+            sum += self.sum_lanes(&weight, &direction, &source, directions, light);
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn sum_lanes(
+        &self,
+        weight: &[f32; LANES],
+        direction: &[u16; LANES],
+        source: &[u16; LANES],
+        directions: &[Vec4],
+        light: &[Vec4],
+    ) -> Vec4 {
+        let mut kernel = [0.0; LANES];
+        for (c, &d) in kernel.iter_mut().zip(direction) {
+            let d = directions[usize::from(d)];
+            *c = d.x * self.r.x + d.y * self.r.y + d.z * self.r.z;
+        }
+        self.raise(&mut kernel);
+        let mut sum = Vec4::ZERO;
+        for ((k, w), &s) in kernel.iter().zip(weight).zip(source) {
+            sum += k * w * light[usize::from(s)];
         }
         sum
     }
