@@ -30,6 +30,7 @@ use rayon::prelude::*;
 
 use crate::fill;
 use crate::gather::{Pass, lane_of, packet, vertices};
+use crate::glossy::vertex_reflectance;
 use crate::sampling::{HemisphereSets, LANES, hash};
 use crate::smooth::Smoother;
 use crate::{Error, Options, Progress, Surface};
@@ -101,7 +102,7 @@ pub fn carrier(
 ) -> Result<Carrier, Error> {
     let n_vertices = scene.mesh.position.len();
     let area = scene.mesh.vertex_area();
-    let albedo = scene.vertex_albedo();
+    let albedo = vertex_reflectance(scene);
     let patch = cut(scene, &area, lie.unlit, options.patches.min(n_vertices.div_ceil(4)).max(1));
     let n_patches = patch.iter().filter(|p| **p != NO_PATCH).max().map_or(1, |&p| p as usize + 1);
     let rank = options.rank.min(n_patches);
@@ -208,7 +209,7 @@ fn take_near(row: &mut [f32]) -> Near {
 }
 
 /// Cuts the vertices into at most `most` patches, halving the heaviest along its widest extent in space and normal.
-fn cut(scene: &Scene, area: &[f32], unlit: &[bool], most: usize) -> Vec<u16> {
+pub fn cut(scene: &Scene, area: &[f32], unlit: &[bool], most: usize) -> Vec<u16> {
     let (low, high) = scene.mesh.bounds();
     let weight = NORMAL_WEIGHT * (high - low).length();
     let key = |v: usize| {

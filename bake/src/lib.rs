@@ -9,6 +9,7 @@ mod energy;
 mod error;
 mod fill;
 mod gather;
+mod glossy;
 pub mod openings;
 mod options;
 mod photon;

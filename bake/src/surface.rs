@@ -12,6 +12,7 @@ use lunette_scenes::{Mesh, Portal, Scene};
 use rayon::prelude::*;
 
 use crate::Error;
+use crate::glossy::reflectance;
 
 /// Height of a ray's origin over the surface, as a share of the scene's diagonal: ten times the rounding of
 /// single floats at the far end of the scene.
@@ -26,7 +27,7 @@ pub struct Surface<'a> {
     pub tree: ffi::Scene,
     /// The mesh.
     pub mesh: &'a Mesh,
-    /// Diffuse reflectance of each triangle.
+    /// Reflectance of each triangle for light that bounces.
     pub albedo: Vec<Vec3>,
     /// Longest edge of each triangle, metres.
     pub longest_edge: Vec<f32>,
@@ -52,7 +53,7 @@ impl<'a> Surface<'a> {
         Ok(Surface {
             tree: builder.commit()?,
             mesh,
-            albedo: mesh.material.iter().map(|&m| scene.materials[m as usize].albedo).collect(),
+            albedo: mesh.material.iter().map(|&m| reflectance(&scene.materials[m as usize])).collect(),
             longest_edge: mesh.index.iter().map(|t| longest_edge(mesh, t)).collect(),
             origin: origins(mesh, lift),
             lift,

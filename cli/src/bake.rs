@@ -12,7 +12,7 @@ use lunette_scenes::{Portal, Scene};
 use crate::args::{self, Bands, Effort};
 use crate::output;
 use crate::progress::{Bar, say};
-use crate::{portals, relight, scene};
+use crate::{glossy, portals, relight, scene};
 
 /// `lunette bake`
 pub fn run(arguments: &args::Bake) -> Result<()> {
@@ -38,6 +38,7 @@ pub fn run(arguments: &args::Bake) -> Result<()> {
         !portals.is_empty() || arguments.earlier.is_none(),
         "--continue: only light behind portals is continued, and the scene has none"
     );
+    glossy::report(&scene, &arguments.scene, &portals);
     let started = Instant::now();
     let asset = match &arguments.earlier {
         None if portals.is_empty() => bake(&scene, &arguments.scene, &options)?,

@@ -13,7 +13,7 @@ use lunette_scenes::{Portal, Scene};
 use crate::engine::Engine;
 use crate::judge::{self, Judge};
 use crate::progress::say;
-use crate::{args, bake, light, output, portals, relight, render, scene, stage};
+use crate::{args, bake, glossy, light, output, portals, relight, render, scene, stage};
 
 /// What is compared where nothing else is asked for.
 const UNDER_THE_SKY: [&str; 5] = ["bent", "aperture", "sh3", "sh5", "sh10"];
@@ -63,7 +63,8 @@ pub fn run(arguments: &args::Compare) -> Result<()> {
 
     let albedo = scene.vertex_albedo();
     let surface = render::surface(&scene, &albedo);
-    let tracer = render::tracer(surface, &portals)?;
+    let coat = glossy::Coat::new(&scene, &arguments.scene);
+    let tracer = render::tracer(surface, &portals)?.with_gloss(coat.gloss()).map_err(|e| anyhow!("{e}"))?;
     let visibility = stage::visibility(&arguments.picture, surface)?;
     let judge = Judge::new(&scene, &tracer, &light, &samples, arguments.every, &portals)?;
     let truth = truth(arguments, &tracer, &light, &samples)?;
@@ -83,7 +84,7 @@ pub fn run(arguments: &args::Compare) -> Result<()> {
         let asset = Asset::from_bytes(&bytes).map_err(|e| anyhow!("{e}"))?;
         let mut engine = engine(&asset, candidate)?;
         let (mut row, total) = judge::measure(&asset, (&name, &mut engine), seconds, &light, &judge)?;
-        let picture = stage::shade(&visibility, &surface, &total, &light)?;
+        let (picture, _) = glossy::shade(&mut engine, &visibility, &surface, &total, &light)?;
         output::picture(&folder.join(format!("{name}.png")), &picture, exposure)?;
         let error = lunette_render::error_picture(&picture, &truth.image, Some(&coverage), Scale::default())
             .map_err(|e| anyhow!("{e}"))?;

@@ -6,6 +6,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use glam::Vec3;
 use lunette_relight::asset::Asset;
 use lunette_relight::frame::{Frame, Method};
+use lunette_relight::glossy::Glossy;
 use lunette_relight::indirect::Indirect;
 use lunette_relight::light::Light;
 use lunette_relight::portal_frame::PortalFrame;
@@ -30,6 +31,7 @@ pub struct Interior<'a> {
     centres: Vec<Vec3>,
     exterior: Option<(Exterior, Track)>,
     carried: Option<Indirect>,
+    glossy: Option<Glossy<'a>>,
 }
 
 /// What a frame took.
@@ -81,6 +83,14 @@ impl<'a> Engine<'a> {
         match self {
             Engine::Sky(frame, _) => frame.bytes_per_vertex(),
             Engine::Interior(interior) => interior.frame.bytes_per_vertex(),
+        }
+    }
+
+    /// The glossy vertices and the light of the last frame, if there are any.
+    pub fn glossy(&mut self) -> Option<(&mut Glossy<'a>, &PortalFrame<'a>)> {
+        match self {
+            Engine::Sky(..) => None,
+            Engine::Interior(interior) => Some((interior.glossy.as_mut()?, &interior.frame)),
         }
     }
 
@@ -157,7 +167,8 @@ impl<'a> Interior<'a> {
             (Some(path), along) => Some(exterior(asset, path, along.as_deref())?),
             _ => None,
         };
-        Ok(Interior { frame, centres, exterior, carried: indirect(outside)? })
+        let glossy = Glossy::open(asset).map_err(|e| anyhow!("{e}"))?;
+        Ok(Interior { frame, centres, exterior, carried: indirect(outside)?, glossy })
     }
 
     fn project(&mut self, asset: &Asset, light: &Light, i: usize, n: usize) -> Result<()> {

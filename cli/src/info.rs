@@ -1,6 +1,7 @@
 //! `lunette info`
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
+use lunette_relight::glossy::Glossy;
 
 use crate::args;
 use crate::relight::{map, open};
@@ -28,6 +29,15 @@ pub fn run(arguments: &args::Info) -> Result<()> {
     println!("options: {}, seed {}", options.join(", "), m.seed);
     for shell in &m.shells {
         println!("shell {}{}", shell.name, shell.area.map(|a| format!(", {a:.2} m²")).unwrap_or_default());
+    }
+    if let Some(glossy) = Glossy::open(&asset).map_err(|e| anyhow!("{e}"))? {
+        let (texels, patches) = glossy.entries_per_vertex();
+        println!(
+            "{} glossy vertices, {:.0} bytes each beside their direct rows; a view reads {texels:.0} texels and \
+             {patches:.0} patches for each",
+            glossy.vertices().len(),
+            glossy.bytes_per_vertex()
+        );
     }
     println!("{:<24} {:>6} {:>20} {:>10} {:>10}", "tensor", "type", "shape", "bytes/V", "scale");
     for (name, tensor) in asset.tensors() {

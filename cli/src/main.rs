@@ -7,6 +7,7 @@ mod day;
 mod demo;
 mod engine;
 mod find;
+mod glossy;
 mod info;
 mod judge;
 mod light;

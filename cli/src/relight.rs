@@ -14,7 +14,7 @@ use crate::args;
 use crate::engine::{Engine, Evaluated};
 use crate::output::{self, Lit};
 use crate::progress::say;
-use crate::{light, stage};
+use crate::{glossy, light, stage};
 
 /// `lunette relight`
 pub fn run(arguments: &args::Relight) -> Result<()> {
@@ -38,6 +38,7 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
         if kind.is_picture() { Some(stage::visibility(&arguments.picture, surface)?) } else { None };
     for (i, (label, light)) in lights.iter().enumerate() {
         let path = output::frame_path(&arguments.output, i, lights.len())?;
+        let mut seen = String::new();
         let Evaluated { direct, indirect, spent } = engine.light(&asset, light, i, lights.len())?;
         match &visibility {
             None => {
@@ -46,7 +47,8 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
             Some(visibility) => {
                 let total = sum(&direct, &indirect);
                 warn_of_ringing(&total);
-                let image = stage::shade(visibility, &surface, &total, light)?;
+                let (image, note) = glossy::shade(&mut engine, visibility, &surface, &total, light)?;
+                seen = note;
                 if lights.len() > 1 && exposure == Exposure::Auto {
                     exposure = Exposure::Stops(day_exposure(&mut engine, &lights, &asset, visibility)?);
                 }
@@ -56,7 +58,7 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
         let label = if label.is_empty() { String::new() } else { format!(", {label}") };
         let [project, dot] = [spent.project, spent.dot].map(|d| d.as_secs_f64() * 1e3);
         println!(
-            "{}: light projected in {project:.2} ms, {} vertices relit in {dot:.2} ms{label}",
+            "{}: light projected in {project:.2} ms, {} vertices relit in {dot:.2} ms{seen}{label}",
             path.display(),
             asset.n_vertices()
         );
@@ -75,7 +77,8 @@ fn day_exposure(
     let (_, noon) = &lights[middle];
     let lit = engine.light(asset, noon, middle, lights.len())?;
     let total = sum(&lit.direct, &lit.indirect);
-    Ok(auto_exposure(&stage::shade(visibility, &stage::surface(asset), &total, noon)?))
+    let (image, _) = glossy::shade(engine, visibility, &stage::surface(asset), &total, noon)?;
+    Ok(auto_exposure(&image))
 }
 
 /// Direct and bounced irradiance of every vertex.

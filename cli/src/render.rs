@@ -9,7 +9,7 @@ use lunette_scenes::{Portal, Scene};
 use crate::args;
 use crate::output::{self, Lit};
 use crate::progress::Bar;
-use crate::{light, portals, scene, stage};
+use crate::{glossy, light, portals, scene, stage};
 
 /// `lunette render`
 pub fn run(arguments: &args::Render) -> Result<()> {
@@ -22,7 +22,9 @@ pub fn run(arguments: &args::Render) -> Result<()> {
     let portals = portals::take(&mut scene, &arguments.scene, &arguments.openings)?;
     let lights = light::frames(&arguments.light, scene.mesh.bounds())?;
     let albedo = scene.vertex_albedo();
+    let coat = glossy::Coat::new(&scene, &arguments.scene);
     let tracer = tracer(surface(&scene, &albedo), &portals)?;
+    let tracer = tracer.with_gloss(coat.gloss()).map_err(|e| anyhow!("{e}"))?;
     let camera = stage::camera(&arguments.picture, &tracer)?;
     for (i, (label, light)) in lights.iter().enumerate() {
         let path = output::frame_path(&arguments.output, i, lights.len())?;

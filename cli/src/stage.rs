@@ -74,8 +74,22 @@ pub fn shade(
     irradiance: &[[f32; 3]],
     light: &Light,
 ) -> Result<Image> {
+    shade_radiance(visibility, surface, &radiance(surface, irradiance), light)
+}
+
+/// What the albedo of each vertex sends out.
+pub fn radiance(surface: &Surface, irradiance: &[[f32; 3]]) -> Vec<Vec3> {
     let irradiance: &[Vec3] = bytemuck::cast_slice(irradiance);
     let lit: Vec<Vec3> = irradiance.iter().map(|e| e.max(Vec3::ZERO)).collect();
-    let radiance = lunette_render::vertex_radiance(&lit, surface.albedo);
-    visibility.shade(surface, &radiance, |d| light.radiance(d)).map_err(|e| anyhow!("{e}")).context("picture")
+    lunette_render::vertex_radiance(&lit, surface.albedo)
+}
+
+/// The picture of vertices that send out this radiance.
+pub fn shade_radiance(
+    visibility: &Visibility,
+    surface: &Surface,
+    radiance: &[Vec3],
+    light: &Light,
+) -> Result<Image> {
+    visibility.shade(surface, radiance, |d| light.radiance(d)).map_err(|e| anyhow!("{e}")).context("picture")
 }

@@ -23,6 +23,7 @@ mod picture;
 mod project;
 mod sh_table;
 
+pub(crate) use disc::add_disc;
 pub(crate) use picture::accumulate as accumulate_picture;
 pub use project::project_light;
 pub use sh_table::ShTable;

@@ -27,6 +27,7 @@ use glam::Vec3;
 use half::f16;
 
 use crate::asset::{Asset, Data, NO_PATCH};
+use crate::glossy::reflectance;
 use crate::light::{Cap, Light, split};
 use crate::{dot, shell};
 
@@ -253,11 +254,11 @@ fn weights(asset: &Asset, patch: &[u16], n_patches: usize) -> Vec<Vec3> {
             patch_area[usize::from(*p).min(n_patches - 1)] += area;
         }
     }
-    let weight = |((p, area), albedo): ((&u16, &f64), &[f32; 3])| match patch_area.get(usize::from(*p)) {
-        Some(total) if *total > 0.0 => Vec3::from(*albedo) * (area / total) as f32,
+    let weight = |((p, area), albedo): ((&u16, &f64), Vec3)| match patch_area.get(usize::from(*p)) {
+        Some(total) if *total > 0.0 => albedo * (area / total) as f32,
         _ => Vec3::ZERO,
     };
-    patch.iter().zip(&area).zip(asset.albedo()).map(weight).collect()
+    patch.iter().zip(&area).zip(reflectance(asset)).map(weight).collect()
 }
 
 fn vertex_area(asset: &Asset) -> Vec<f64> {

@@ -11,6 +11,7 @@ pub mod cap;
 pub mod cubemap;
 pub mod dot;
 pub mod frame;
+pub mod glossy;
 pub mod haar;
 pub mod indirect;
 pub mod light;

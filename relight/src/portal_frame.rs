@@ -161,6 +161,30 @@ impl<'a> PortalFrame<'a> {
         self.portals[k].rows.n()
     }
 
+    /// Radiance of each texel of portal `k`'s shell behind its glass.
+    ///
+    /// # Panics
+    /// When there is no such portal.
+    pub fn texels(&self, k: usize) -> &[[f32; 3]] {
+        &self.portals[k].texels
+    }
+
+    /// Radiance of each texel of portal `k`'s shell as it was given, before its glass.
+    ///
+    /// # Panics
+    /// When there is no such portal.
+    pub fn captured(&self, k: usize) -> &[[f32; 3]] {
+        &self.portals[k].captured
+    }
+
+    /// The glass of portal `k`.
+    ///
+    /// # Panics
+    /// When there is no such portal.
+    pub fn material(&self, k: usize) -> Material {
+        self.portals[k].material
+    }
+
     /// V.
     pub fn n_vertices(&self) -> usize {
         self.n_vertices

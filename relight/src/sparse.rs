@@ -35,6 +35,7 @@
 //! Based on: Yue, Iwasaki, Chen, Dobashi and Nishita, Interactive Rendering of Interior Scenes with Dynamic
 //! Environment Illumination, 2009.
 
+mod decode;
 mod dot;
 mod encode;
 mod light;
@@ -45,6 +46,7 @@ mod tests;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+pub use decode::decode;
 pub use encode::{Choice, Encoder, Encoding, Row};
 pub use light::SparseLight;
 pub use rows::Rows;

@@ -107,6 +107,11 @@ impl Visibility {
         Ok(Image { width: self.width, height: self.height, pixels: pixels.collect() })
     }
 
+    /// Where it is seen from, metres.
+    pub fn eye(&self) -> Vec3 {
+        self.view.eye
+    }
+
     /// Part of each pixel that sees a surface, 0..=1: the weight of a comparison that leaves the background out.
     pub fn coverage(&self) -> Vec<f32> {
         let shares = self.start.windows(2).map(|s| &self.shares[s[0] as usize..s[1] as usize]);

@@ -13,6 +13,7 @@
 //! ```
 
 pub mod builtin;
+mod gloss;
 mod lines;
 mod mtl;
 mod names;
@@ -29,6 +30,7 @@ mod terrain;
 mod tidy;
 mod write_obj;
 
+pub use gloss::Lobe;
 pub use open::{LoadOptions, Up, load};
 pub use portal::{
     MOST_THROWN_BACK, Portal, SIDECAR_FORMAT, SIDECAR_VERSION, Split, read_portals, sidecar_path,

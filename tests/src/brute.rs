@@ -49,15 +49,9 @@ impl Oracle {
 
     /// What the point `p` with the unit normal `n` sees by `side`² rays, with SH of `order` bands.
     pub fn look(&self, p: Vec3, n: Vec3, side: usize, order: usize) -> Seen {
-        let mut random = Random(u64::from(p.x.to_bits()) << 32 | u64::from(p.z.to_bits()) | 1);
-        let (s, t) = n.as_dvec3().any_orthonormal_pair();
         let origin = (p + self.lift * n).to_array();
         let mut seen = Seen { open: 0.0, ao: 0.0, bent: DVec3::ZERO, sh: vec![0.0; order * order] };
-        for cell in 0..side * side {
-            let z = ((cell % side) as f64 + random.next()) / side as f64;
-            let phi = 2.0 * PI * ((cell / side) as f64 + random.next()) / side as f64;
-            let r = (1.0 - z * z).sqrt();
-            let d = s * (r * phi.cos()) + t * (r * phi.sin()) + n.as_dvec3() * z;
+        for (d, z) in directions(p, n, side) {
             if self.tree.occluded(&ffi::Ray::new(origin, d.as_vec3().to_array())) {
                 continue;
             }
@@ -71,6 +65,43 @@ impl Oracle {
         }
         seen
     }
+
+    /// Calls `met` with direction and end of each of the same `side`² rays.
+    pub fn for_each_ray(&self, p: Vec3, n: Vec3, side: usize, mut met: impl FnMut(Vec3, End)) {
+        let origin = (p + self.lift * n).to_array();
+        for (d, _) in directions(p, n, side) {
+            let d = d.as_vec3();
+            let end = match self.tree.intersect(&ffi::Ray::new(origin, d.to_array())) {
+                None => End::Sky,
+                Some(h) if d.dot(Vec3::from(h.normal)) > 0.0 => End::Back,
+                Some(h) => End::Front(h.primitive as usize, [1.0 - h.u - h.v, h.u, h.v]),
+            };
+            met(d, end);
+        }
+    }
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy, Debug)]
+pub enum End {
+    /// Nothing.
+    Sky,
+    /// The back of a triangle.
+    Back,
+    /// The front of the triangle of this number, at these weights of its corners.
+    Front(usize, [f32; 3]),
+}
+
+/// `side`² stratified directions, uniform over the hemisphere of `n`, and their cosines.
+fn directions(p: Vec3, n: Vec3, side: usize) -> impl Iterator<Item = (DVec3, f64)> {
+    let mut random = Random(u64::from(p.x.to_bits()) << 32 | u64::from(p.z.to_bits()) | 1);
+    let (s, t) = n.as_dvec3().any_orthonormal_pair();
+    (0..side * side).map(move |cell| {
+        let z = ((cell % side) as f64 + random.next()) / side as f64;
+        let phi = 2.0 * PI * ((cell / side) as f64 + random.next()) / side as f64;
+        let r = (1.0 - z * z).sqrt();
+        (s * (r * phi.cos()) + t * (r * phi.sin()) + n.as_dvec3() * z, z)
+    })
 }
 
 /// Knuth's linear congruential generator: nothing that the baker uses.

@@ -5,6 +5,7 @@ mod closed_forms;
 mod determinism;
 mod file_format;
 mod furnace;
+mod glossy;
 mod leaks;
 mod oracle;
 mod real_terrain;

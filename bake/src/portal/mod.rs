@@ -27,6 +27,7 @@ use rayon::prelude::*;
 use crate::carrier::{Lie, carrier};
 use crate::fill::{self, Donors};
 use crate::gather::buried;
+use crate::glossy;
 use crate::rows::{self, Aim, Opening, Row, Stage};
 use crate::sampling::{HemisphereSets, hash};
 use crate::smooth::{self, Smoother};
@@ -195,6 +196,7 @@ impl Work<'_> {
             }
         }
         self.insert_carrier(&mut asset)?;
+        self.insert_glossy(&mut asset, &mut report)?;
         Ok((asset, report))
     }
 
@@ -264,6 +266,19 @@ impl Work<'_> {
                 .for_each(|(i, out)| rows.add(i * VERTICES, &sparse, out));
         }
         out
+    }
+
+    fn insert_glossy(&self, asset: &mut Asset<'static>, report: &mut PortalReport) -> Result<(), Error> {
+        let source = self.donors.sources(self.scene.mesh.position.len());
+        let options = glossy::GlossyOptions {
+            patches: glossy::PATCHES,
+            rays: self.options.rays,
+            bounces: self.options.bounces,
+            seed: self.options.seed,
+        };
+        let line = glossy::insert(asset, self.scene, self.surface, &source, &options, self.progress)?;
+        report.lines.extend(line);
+        Ok(())
     }
 
     fn insert_carrier(&self, asset: &mut Asset<'static>) -> Result<(), Error> {

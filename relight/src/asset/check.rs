@@ -80,6 +80,7 @@ pub fn tensors(asset: &Asset) -> Result<(), Error> {
     }
     sparse_rows(asset)?;
     patches(asset)?;
+    crate::glossy::check(asset)?;
     match asset.triangles().as_flattened().iter().position(|&v| v as usize >= n_vertices) {
         Some(at) => Err(wrong("mesh.index", &format!("triangle {} points past vertex {n_vertices}", at / 3))),
         None => Ok(()),

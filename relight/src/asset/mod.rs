@@ -10,7 +10,7 @@
 //! `sky.direct.sh` f16 \[V,n²\], `sky.indirect.sh` f16 \[V,m²,3\]; `sky.direct.*` and `portal.K.direct.*` as
 //! [`sparse`](crate::sparse) has them, `portal.K.indirect.sh` f16 \[V,m²,3\]; `indirect.patch` u16 \[V\]
 //! ([`NO_PATCH`]: none), `indirect.spread` f32 \[P,k,3\], `indirect.gather` f16 \[V,k\] as
-//! [`indirect`](crate::indirect) has them. What is not baked is not there. A stored value
+//! [`indirect`](crate::indirect) has them; `glossy.*` as [`glossy`](crate::glossy) has them. What is not baked is not there. A stored value
 //! times the tensor's scale ([`Metadata::scale`], 1 where absent) is the value meant.
 
 mod check;

@@ -29,7 +29,7 @@ struct Disc {
 /// `cap.radiance` times the whole disc's solid angle would (as [`Sky::sun_above_horizon`] gives it).
 ///
 /// [`Sky::sun_above_horizon`]: crate::light::Sky::sun_above_horizon
-pub(super) fn add_disc(n: usize, cap: &Cap, up: Option<Vec3>, out: &mut [[f32; 3]]) {
+pub(crate) fn add_disc(n: usize, cap: &Cap, up: Option<Vec3>, out: &mut [[f32; 3]]) {
     let radius = f64::from(cap.radius);
     let cell = 2.0 / n as f64;
     let disc = Disc {

@@ -35,45 +35,6 @@ fn encode(n: usize, row: &[f32], choice: Choice) -> Row {
     Encoder::new(n, Encoding { choice, ..Encoding::default() }).encode(row)
 }
 
-/// Texels of a row, from its bytes alone.
-fn decode(n: usize, row: &Row) -> Vec<f32> {
-    let mut entries = vec![0.0f32; n_entries(row.basis, n)];
-    let (mut at, mut value) = (0, row.values.iter());
-    for [gap, length] in &row.runs {
-        at += usize::from(*gap);
-        for _ in 0..*length {
-            let byte = *value.next().unwrap();
-            let q = if row.basis == Basis::Haar { f32::from(byte as i8) } else { f32::from(byte) };
-            entries[at] = q * row.scale;
-            at += 1;
-        }
-    }
-    assert!(value.next().is_none(), "runs and values go together");
-    match row.basis {
-        Basis::Pulse => return entries,
-        Basis::Columns => {
-            let mut rows = entries.clone();
-            transpose(n, &entries, &mut rows);
-            return rows;
-        }
-        Basis::Haar => {}
-    }
-    let (face, all, means) = (n * n, cubemap::n_texels(n), haar::n_means(n));
-    for f in 0..6 {
-        for i in 0..N_COARSE {
-            entries[f * face + i] += TIER * entries[all + f * N_COARSE + i];
-        }
-        for i in 0..means {
-            entries[f * face + i] += entries[all + 6 * N_COARSE + f * means + i] / TIER;
-        }
-    }
-    let (mut scratch, mut out) = (vec![0.0; face], vec![0.0; all]);
-    for (c, out) in entries[..all].chunks_exact(face).zip(out.chunks_exact_mut(face)) {
-        haar::inverse(n, c, &mut scratch, out);
-    }
-    out
-}
-
 fn relative_error(a: &[f32], b: &[f32]) -> f32 {
     let difference: f32 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
     (difference / b.iter().map(|b| b * b).sum::<f32>()).sqrt()

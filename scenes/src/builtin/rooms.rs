@@ -35,7 +35,8 @@ pub fn box_room(values: &Values) -> Result<Scene, String> {
     solid.sheet(vec3(x, middle - height, -width), vec3(x, middle + height, width), Vec3::X, window);
     // The pane's edges in the middle of the reveal.
     solid.divide(0, -ROOM.x - WALL, -ROOM.x, 2);
-    furnish(&mut draft, &solid, edge);
+    let gloss = Gloss { specular: values.get("gloss"), exponent: values.get("exponent") };
+    furnish(&mut draft, &solid, edge, gloss);
     Ok(draft.scene)
 }
 
@@ -50,8 +51,15 @@ pub fn skylight_box(values: &Values) -> Result<Scene, String> {
     solid.carve(vec3(-half, ROOM.y, -half), vec3(half, ROOM.y + WALL, half));
     solid.sheet(vec3(-half, y, -half), vec3(half, y, half), -Vec3::Y, skylight);
     solid.divide(1, ROOM.y, ROOM.y + WALL, 2);
-    furnish(&mut draft, &solid, edge);
+    furnish(&mut draft, &solid, edge, Gloss { specular: 0.0, exponent: 0.0 });
     Ok(draft.scene)
+}
+
+/// How the rabbit shines.
+struct Gloss {
+    /// Ks; the albedo becomes 1 - Ks of what it is without.
+    specular: f32,
+    exponent: f32,
 }
 
 /// The closed room, each wall in its colour.
@@ -75,9 +83,14 @@ fn room(draft: &mut Draft) -> Solid {
     solid
 }
 
-fn furnish(draft: &mut Draft, solid: &Solid, edge: f32) {
+fn furnish(draft: &mut Draft, solid: &Solid, edge: f32, gloss: Gloss) {
     solid.skin(draft, &solid.lines(edge), |p| p);
-    let fur = draft.matt("rabbit", [0.7, 0.66, 0.6]);
+    let reflectance = vec3(0.7, 0.66, 0.6);
+    let fur = draft.matt("rabbit", ((1.0 - gloss.specular) * reflectance).into());
+    if gloss.specular > 0.0 {
+        let coat = &mut draft.scene.materials[fur as usize];
+        (coat.specular, coat.exponent) = (Vec3::splat(gloss.specular), gloss.exponent);
+    }
     let paint = draft.paint("rabbit", fur);
     rabbit(draft, paint, vec3(0.5, 0.0, -0.4), RABBIT, RABBIT_EDGE * edge);
 }

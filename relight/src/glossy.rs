@@ -1,0 +1,272 @@
+//! Glossy vertices: what their Phong lobes send to an eye, evaluated anew for each view.
+//!
+//! With d the direction from the eye, n the normal and r = d - 2 (d·n) n its mirror direction, a vertex of specular
+//! reflectance Ks and exponent e sends out, beside what its albedo does,
+//!
+//! ```text
+//! L(r) = Ks (e + 2)/(2π) ∫ L_i(ω) max(r·ω, 0)^e max(n·ω, 0) dω
+//!      ≈ Ks (e + 2)/(2π) Σ_j M[j] L[j] max(r·ω_j, 0)^e
+//! ```
+//!
+//! in the light's unit. The matrix from light to outgoing directions is never multiplied out: its kernel is known, so
+//! that M\[j\] = ∫ V max(n·ω, 0) dω, steradians, and a direction ω_j are all there is to store, for any number of outgoing
+//! directions. Direct light takes M from the vertex's own row on the portal's cubemap, without a byte more: j is a
+//! texel. Bounced light comes from P patches of the surface: j is a patch that the vertex sees, in the mean direction
+//! in which it sees it, and L\[j\] what the patch sends out diffusely under the irradiance of the moment, bounces of all
+//! orders included; so a sun, other glass and any number of portals need no other matrix.
+//!
+//! A lobe of exponent 10 halves within 0.37 radians; texels of 0.05 and patches cut to be seen under angles of that
+//! order are fine enough for it, up to [`HIGHEST_EXPONENT`].
+//!
+//! Tensors (V vertices, G of them glossy, N entries):
+//!
+//! | name | type | |
+//! |---|---|---|
+//! | `glossy.vertex` | u32 \[G\] | which, rising |
+//! | `glossy.lobe` | f32 \[G,4\] | Ks red, green, blue; exponent |
+//! | `glossy.patch` | u16 \[V\] | patch of each vertex of the mesh |
+//! | `glossy.share` | f16 \[V\] | part of its patch that it stands for, times the tensor's scale: 1 over a patch |
+//! | `glossy.start` | u32 \[G+1\] | row g has the entries `start[g]..start[g+1]` |
+//! | `glossy.source` | u16 \[N\] | patch |
+//! | `glossy.direction` | u16 \[N\] | texel of a 104 x 104 x 6 cubemap |
+//! | `glossy.weight` | f16 \[N\] | M, times the tensor's scale |
+//!
+//! The last six are absent where no bounced light is baked.
+//!
+//! Where it breaks: the shadow of a sun is as soft as a texel, and a highlight with it; a patch shines evenly; other glossy surfaces
+//! are seen as diffuse ones of the same mean reflectance ([`mean_reflectance`]); and radiance between vertices is
+//! interpolated, so that a mesh must be fine where it curves.
+//!
+//! Based on: Yue, Iwasaki, Chen, Dobashi and Nishita, Interactive Rendering of Interior Scenes with Dynamic
+//! Environment Illumination, 2009, section 4.1 (rows per outgoing direction); Lafortune and Willems, Using the Modified
+//! Phong Reflectance Model for Physically Based Rendering, 1994.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3, Vec4};
+use half::f16;
+
+use crate::asset::{Asset, Error};
+use crate::cubemap::{self, n_texels};
+use crate::light::Light;
+use crate::portal_frame::PortalFrame;
+use crate::sparse::{Rows, decode};
+
+mod aim;
+mod lobe;
+mod matrix;
+#[cfg(test)]
+mod tests;
+
+use aim::Aims;
+pub use lobe::mean_reflectance;
+use lobe::{Entries, Lobe};
+pub(crate) use matrix::check;
+use matrix::{Matrix, Seen};
+
+/// Materials of a higher exponent are to be shaded as diffuse.
+pub const HIGHEST_EXPONENT: f32 = 64.0;
+
+/// Texels on a side of the cubemap whose texels number stored directions: the finest that 16 bits count, 0.015 radians.
+pub const DIRECTION_SIDE: usize = 104;
+
+/// The glossy vertices of an asset, and the light of the moment on all that they see.
+pub struct Glossy<'a> {
+    matrix: Matrix<'a>,
+    position: &'a [[f32; 3]],
+    normal: &'a [[f32; 3]],
+    direct: Vec<Direct>,
+    bounced: Option<Bounced>,
+    aims: Aims,
+}
+
+/// Rows of the glossy vertices on a portal's cubemap, texel by texel, and its light.
+struct Direct {
+    n: usize,
+    start: Vec<u32>,
+    weight: Vec<f32>,
+    texel: Vec<u16>,
+    directions: Vec<Vec4>,
+    /// Texels whose directions are not their middles.
+    moved: Vec<u16>,
+    light: Vec<Vec4>,
+}
+
+/// What patches send out.
+struct Bounced {
+    weight: Vec<f32>,
+    /// The vertex's part of its patch times its reflectance over π, per vertex of the mesh.
+    share: Vec<Vec3>,
+    directions: Vec<Vec4>,
+    light: Vec<Vec4>,
+}
+
+impl<'a> Glossy<'a> {
+    /// The glossy vertices of an asset, in darkness; `None` where it has none. Rows in wavelets are unpacked here.
+    ///
+    /// # Errors
+    /// When its tensors do not hold together, which an asset that was read cannot have.
+    pub fn open(asset: &'a Asset<'a>) -> Result<Option<Glossy<'a>>, Error> {
+        let Some(matrix) = Matrix::open(asset)? else { return Ok(None) };
+        let (mut direct, mut aims) = (Vec::new(), Aims::new());
+        while let Some(rows) = Rows::open(asset, &format!("portal.{}.direct", direct.len()))? {
+            direct.push(Direct::unpack(&rows, matrix.vertex));
+            aims.reserve(rows.n());
+        }
+        let bounced = matrix.seen.as_ref().map(|seen| Bounced {
+            weight: seen.weight.iter().map(|w| w.to_f32() * seen.scale).collect(),
+            share: shares(asset, seen),
+            directions: directions(DIRECTION_SIDE),
+            light: vec![Vec4::ZERO; seen.n_patches],
+        });
+        let (position, normal) = (asset.positions(), asset.normals());
+        Ok(Some(Glossy { matrix, position, normal, direct, bounced, aims }))
+    }
+
+    /// The glossy vertices, rising.
+    pub fn vertices(&self) -> &'a [u32] {
+        self.matrix.vertex
+    }
+
+    /// Takes on the light behind the glass of all portals, and the irradiance of all vertices of the mesh, direct and
+    /// bounced together, of which patches send on. Does not allocate.
+    ///
+    /// # Panics
+    /// When the frame is of another asset, or `irradiance` is not one value per vertex.
+    pub fn project(&mut self, frame: &PortalFrame, irradiance: &[[f32; 3]]) {
+        assert_eq!(frame.n_portals(), self.direct.len(), "a frame of the same asset");
+        for (k, direct) in self.direct.iter_mut().enumerate() {
+            for (to, &[r, g, b]) in direct.light.iter_mut().zip(frame.texels(k)) {
+                *to = Vec4::new(r, g, b, 0.0);
+            }
+        }
+        let (Some(bounced), Some(seen)) = (&mut self.bounced, &self.matrix.seen) else { return };
+        assert_eq!(irradiance.len(), bounced.share.len(), "one irradiance per vertex");
+        bounced.light.fill(Vec4::ZERO);
+        for ((patch, share), e) in seen.patch.iter().zip(&bounced.share).zip(irradiance) {
+            if let Some(light) = bounced.light.get_mut(usize::from(*patch)) {
+                *light += (*share * Vec3::from(*e)).extend(0.0);
+            }
+        }
+    }
+
+    /// Tells of the light outside what a shell does not hold: where in a texel a sun or lamp is that is smaller than it.
+    /// To be called after the frame's shells were set; without it all light of a texel comes from its middle. Allocates
+    /// only for more than sixteen discs.
+    ///
+    /// # Panics
+    /// When the frame is of another asset.
+    pub fn aim(&mut self, frame: &PortalFrame, light: &Light) {
+        assert_eq!(frame.n_portals(), self.direct.len(), "a frame of the same asset");
+        self.aims.split(light);
+        for (k, direct) in self.direct.iter_mut().enumerate() {
+            self.aims.apply(frame, k, direct);
+        }
+    }
+
+    /// Writes the radiance that the glossy vertices from the `first`th on send to `eye` (metres) by their lobes. Does not
+    /// allocate.
+    ///
+    /// # Panics
+    /// When there are not that many.
+    pub fn radiance(&self, eye: [f32; 3], first: usize, out: &mut [[f32; 3]]) {
+        for (g, out) in (first..first + out.len()).zip(out) {
+            let v = self.matrix.vertex[g] as usize;
+            let d = (Vec3::from(self.position[v]) - Vec3::from(eye)).normalize_or_zero();
+            *out = self.reflected(g, d.reflect(Vec3::from(self.normal[v]))).to_array();
+        }
+    }
+
+    /// As [`Glossy::radiance`], over all threads of the current rayon pool.
+    ///
+    /// # Panics
+    /// When `out` is not one value per glossy vertex.
+    #[cfg(feature = "rayon")]
+    pub fn radiance_parallel(&self, eye: [f32; 3], out: &mut [[f32; 3]]) {
+        use rayon::prelude::*;
+        assert_eq!(out.len(), self.matrix.vertex.len(), "one radiance per glossy vertex");
+        let task = 64;
+        out.par_chunks_mut(task).enumerate().for_each(|(i, out)| self.radiance(eye, i * task, out));
+    }
+
+    /// The radiance that the lobe of glossy vertex number `g` about the unit mirror direction `r` brings.
+    fn reflected(&self, g: usize, r: Vec3) -> Vec3 {
+        let [red, green, blue, exponent] = self.matrix.lobe[g];
+        let lobe = Lobe::new(r, exponent);
+        let mut sum = Vec4::ZERO;
+        for direct in &self.direct {
+            let row = direct.start[g] as usize..direct.start[g + 1] as usize;
+            let (weight, texel) = (&direct.weight[row.clone()], &direct.texel[row]);
+            let entries = Entries { weight, direction: texel, source: texel };
+            sum += lobe.sum(&entries, &direct.directions, &direct.light);
+        }
+        if let (Some(bounced), Some(seen)) = (&self.bounced, &self.matrix.seen) {
+            let row = seen.start[g] as usize..seen.start[g + 1] as usize;
+            let entries = Entries {
+                weight: &bounced.weight[row.clone()],
+                direction: &seen.direction[row.clone()],
+                source: &seen.source[row],
+            };
+            sum += lobe.sum(&entries, &bounced.directions, &bounced.light);
+        }
+        Vec3::new(red, green, blue) * lobe.normalisation() * sum.truncate()
+    }
+
+    /// Bytes in the file for each glossy vertex, beyond the direct rows that every vertex has.
+    pub fn bytes_per_vertex(&self) -> f32 {
+        let seen = self.matrix.seen.as_ref();
+        let bytes = seen.map_or(0, |s| 6 * s.source.len() + 4 * s.start.len() + 4 * s.patch.len());
+        20.0 + bytes as f32 / self.matrix.vertex.len() as f32
+    }
+
+    /// Entries that a view reads for each glossy vertex, in the mean: texels and patches.
+    pub fn entries_per_vertex(&self) -> (f32, f32) {
+        let texels: usize = self.direct.iter().map(|d| d.texel.len()).sum();
+        let patches = self.bounced.as_ref().map_or(0, |b| b.weight.len());
+        let n = self.matrix.vertex.len() as f32;
+        (texels as f32 / n, patches as f32 / n)
+    }
+}
+
+impl Direct {
+    fn unpack(rows: &Rows, vertices: &[u32]) -> Direct {
+        let n = rows.n();
+        let (mut start, mut weight, mut texel) = (vec![0], Vec::new(), Vec::new());
+        for &v in vertices {
+            for (t, w) in decode(n, &rows.row(v as usize)).into_iter().enumerate() {
+                if w != 0.0 {
+                    weight.push(w);
+                    texel.push(t as u16);
+                }
+            }
+            start.push(weight.len() as u32);
+        }
+        let (directions, light) = (directions(n), vec![Vec4::ZERO; n_texels(n)]);
+        // A small disc touches four texels at most.
+        let moved = Vec::with_capacity(256);
+        Direct { n, start, weight, texel, directions, moved, light }
+    }
+}
+
+/// Middles of the texels of a cubemap.
+fn directions(n: usize) -> Vec<Vec4> {
+    (0..n_texels(n)).map(|t| cubemap::direction(n, t, Vec2::splat(0.5)).extend(0.0)).collect()
+}
+
+/// Reflectance of each vertex for light that bounces: its albedo, and where it is glossy, Ks times
+/// [`mean_reflectance`] as if that were diffuse.
+pub fn reflectance(asset: &Asset) -> Vec<Vec3> {
+    let mut reflectance: Vec<Vec3> = asset.albedo().iter().map(|a| Vec3::from(*a)).collect();
+    if let Ok(Some(matrix)) = Matrix::open(asset) {
+        for (&v, &[r, g, b, exponent]) in matrix.vertex.iter().zip(matrix.lobe) {
+            reflectance[v as usize] += Vec3::new(r, g, b) * mean_reflectance(exponent);
+        }
+    }
+    reflectance
+}
+
+/// Per vertex the radiance that its patch sends out for each unit of the vertex's irradiance.
+fn shares(asset: &Asset, seen: &Seen) -> Vec<Vec3> {
+    let share = |(share, rho): (&f16, Vec3)| rho * share.to_f32() * seen.share_scale / PI;
+    seen.share.iter().zip(reflectance(asset)).map(share).collect()
+}
