@@ -1,4 +1,4 @@
-//! Rooms with one opening: a window in a wall, or a small skylight.
+//! Rooms with one opening: a window in a wall, or a small skylight; and the rabbit that lives there.
 //!
 //! The walls are thick, so that the opening has reveals, and nothing but its pane lets light in. Panes are seen
 //! from inside.
@@ -54,6 +54,13 @@ pub fn skylight_box(values: &Values) -> Result<Scene, String> {
     Ok(draft.scene)
 }
 
+pub fn rabbit_alone(values: &Values) -> Result<Scene, String> {
+    let height = values.get("height");
+    let mut draft = Draft::default();
+    add_rabbit(&mut draft, Vec3::ZERO, height, height / values.get("n"));
+    Ok(draft.scene)
+}
+
 /// The closed room, each wall in its colour.
 fn room(draft: &mut Draft) -> Solid {
     let Vec3 { x, y, z } = ROOM;
@@ -77,7 +84,11 @@ fn room(draft: &mut Draft) -> Solid {
 
 fn furnish(draft: &mut Draft, solid: &Solid, edge: f32) {
     solid.skin(draft, &solid.lines(edge), |p| p);
+    add_rabbit(draft, vec3(0.5, 0.0, -0.4), RABBIT, RABBIT_EDGE * edge);
+}
+
+fn add_rabbit(draft: &mut Draft, foot: Vec3, height: f32, edge: f32) {
     let fur = draft.matt("rabbit", [0.7, 0.66, 0.6]);
     let paint = draft.paint("rabbit", fur);
-    rabbit(draft, paint, vec3(0.5, 0.0, -0.4), RABBIT, RABBIT_EDGE * edge);
+    rabbit(draft, paint, foot, height, edge);
 }

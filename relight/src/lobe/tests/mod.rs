@@ -4,6 +4,7 @@ mod algebra;
 mod reflectance;
 mod shadows;
 mod stability;
+mod sun;
 
 use glam::Vec3;
 
