@@ -9,6 +9,7 @@ mod engine;
 mod info;
 mod judge;
 mod light;
+mod moving;
 mod output;
 mod portals;
 mod progress;

@@ -46,7 +46,8 @@ impl Sun {
         }
         let distance = FAR * (within.radius + within.centre.length()).max(1e-3);
         let axis = disc.axis.try_normalize()?;
-        let lamp = Lamp::new(within.centre + distance * axis, distance * disc.radius.sin(), Vec3::ONE).ok()?;
+        let lamp =
+            Lamp::new(within.centre + distance * axis, distance * disc.radius.sin(), Vec3::ONE).ok()?;
         let mut sun = Sun { lamp, axis, open: 1.0 };
         let mut open = [0.0];
         let centre = [within.centre.to_array()];
