@@ -207,11 +207,11 @@ pub struct Relight {
     #[arg(long)]
     pub method: Option<String>,
     #[command(flatten)]
+    pub picture: PictureOptions,
+    #[command(flatten)]
     pub outside: Outside,
     #[command(flatten)]
     pub moving: Moving,
-    #[command(flatten)]
-    pub picture: PictureOptions,
 }
 
 /// What is not in the bake: lamps, and bodies that cast shadows.
@@ -235,7 +235,7 @@ pub struct Moving {
     /// What a partly hidden cell of a mask is: lit (aggressive), dark (conservative), or as dark as it is hidden
     #[arg(long, default_value = "proportional", value_parser = ["aggressive", "conservative", "proportional"])]
     pub mask: String,
-    /// Products of lobes below this share of a lamp's solid angle are left out
+    /// Products of lobes below this share of a lamp's solid angle are dropped, or taken without a lobe
     #[arg(long, default_value_t = 0.001, allow_negative_numbers = true)]
     pub threshold: f32,
     /// A .png of the products of lobes per vertex in false colour

@@ -43,10 +43,11 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
         false => None,
     };
     moving.check(&asset, studio.as_ref().map(Studio::eye), n)?;
-    warn_of_portals(&asset, &moving);
     if let Some(products) = &arguments.moving.products {
         check_products(products, &moving, studio.as_ref(), n)?;
     }
+    moving.report();
+    warn_of_portals(&asset, &moving);
     for (i, (label, light)) in lights.iter().enumerate() {
         let path = output::frame_path(&arguments.output, i, n)?;
         let moment = moving.at(i, n);

@@ -47,6 +47,8 @@ struct Body {
     index: Vec<[u32; 3]>,
     albedo: Vec<Vec3>,
     set: SphereSet,
+    /// How well the spheres fit.
+    report: String,
 }
 
 /// All that moves, as it stands in one frame.
@@ -87,6 +89,11 @@ impl Moving {
     /// Whether there is neither lamp nor blocker.
     pub fn is_empty(&self) -> bool {
         self.lamps.is_empty() && self.bodies.is_empty()
+    }
+
+    /// Says how well the spheres fit.
+    pub fn report(&self) {
+        self.bodies.iter().for_each(|body| say(&body.report));
     }
 
     /// Whether frames differ.
@@ -145,12 +152,12 @@ impl Body {
         let options = SphereOptions { n_spheres, ..SphereOptions::default() };
         let fit = fit_spheres(&scene.mesh.position, &scene.mesh.index, &options)
             .map_err(|e| anyhow!("--blocker {name}: {e}"))?;
-        say(&format!(
+        let report = format!(
             "{name}: {} spheres, {:.1} % of the volume too much, {:.1} % missing",
             fit.set.spheres().len(),
             100.0 * fit.outside,
             100.0 * fit.missing
-        ));
+        );
         let albedo = scene.vertex_albedo();
         let normal = scene.mesh.normal.iter().map(|n| n.normalize_or(Vec3::Y)).collect();
         Ok(Body {
@@ -160,6 +167,7 @@ impl Body {
             index: scene.mesh.index,
             albedo,
             set: fit.set,
+            report,
         })
     }
 
@@ -269,11 +277,9 @@ impl Moment {
     /// What there is, in words.
     pub fn describe(&self, products: &[u32]) -> String {
         let mean = products.iter().map(|&n| f64::from(n)).sum::<f64>() / products.len().max(1) as f64;
-        format!(
-            "{} lamps, {} blockers, {mean:.1} products of lobes per vertex",
-            self.lamps.len(),
-            self.motions.len()
-        )
+        let [lamps, bodies] = [(self.lamps.len(), "lamp"), (self.motions.len(), "blocker")]
+            .map(|(n, what)| format!("{n} {what}{}", if n == 1 { "" } else { "s" }));
+        format!("{lamps} and {bodies}, {mean:.1} products of lobes per vertex")
     }
 }
 

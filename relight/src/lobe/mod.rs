@@ -33,6 +33,7 @@ mod lamp;
 mod leaves;
 mod mask;
 mod product;
+mod profile;
 pub mod reflectance;
 mod sun;
 #[cfg(test)]
