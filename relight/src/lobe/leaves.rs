@@ -295,6 +295,26 @@ impl Leaves {
         sum.iter().sum()
     }
 
+    /// Axis, exponent and weight of every leaf's lobe, for the tests' own integrals.
+    #[cfg(test)]
+    pub fn lobes(&self, order: Order) -> Vec<(Vec3, f32, f32)> {
+        let mut out = Vec::new();
+        for level in 1..LEVELS {
+            let leaf = self.exponent[level];
+            for k in self.begin[level]..self.begin[level + 1] {
+                let axis = Vec3::new(self.x[k], self.y[k], self.z[k]);
+                let weight = match order {
+                    Order::Weighed { light } => self.share[k] / relative_overlap(light, leaf, Vec3::Z, axis),
+                    _ => self.weight[k],
+                };
+                if weight > 0.0 {
+                    out.push((axis, leaf, weight));
+                }
+            }
+        }
+        out
+    }
+
     fn n_vectors(&self, level: usize) -> usize {
         (self.begin[level + 1] - self.begin[level]) / LANES
     }

@@ -35,6 +35,7 @@ mod mask;
 mod product;
 mod profile;
 pub mod reflectance;
+mod relation;
 mod sun;
 #[cfg(test)]
 mod tests;
