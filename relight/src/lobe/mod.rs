@@ -18,7 +18,8 @@
 //! - [`Sun`]: what the blockers leave of a baked sun.
 //!
 //! Geometry of the baked scene does not block these lamps; only spheres do. Lamps are opaque: a nearer one
-//! hides what it covers of another. Light that has bounced is not part of this method.
+//! hides what it covers of another. Light that has bounced is not part of this method, but may be carried on from
+//! the irradiance that it adds.
 //!
 //! Based on: Meunier, Meneveaux, Aveneau and Ghazanfarpour, Cosine Lobes for Interactive Direct Lighting in
 //! Dynamic Scenes, 2009.

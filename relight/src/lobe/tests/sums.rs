@@ -51,7 +51,7 @@ fn directions(exponent: f32, random: &mut Random) -> Vec<Vec3> {
 /// The sums of lobes that the frame stands for, integrated by sampling the lamp's lobe: reflectance times lamp times
 /// (1 - leaves over the full mask).
 fn sampled(point: Vec3, material: &Reflectance, light: &Lamp, blockers: &Blockers, policy: Policy) -> f32 {
-    let mut random = Random(1 + (point.x * 1e4) as i64 as u64 ^ ((point.z * 1e4) as i64 as u64) << 20);
+    let mut random = Random(1 + u64::from(point.x.to_bits() ^ point.z.to_bits().rotate_left(16)));
     let to = light.centre - point;
     let sin = light.radius / to.length();
     let axis = to.normalize();
