@@ -11,10 +11,10 @@
 use super::fast::exp2;
 use super::product::product_log2;
 
-/// Largest versine of a profile: 41°.
-const WIDEST: f32 = 0.25;
+/// Largest versine of a profile: 37°.
+const WIDEST: f32 = 0.2;
 /// Least exponent of either lobe.
-const LEAST_EXPONENT: f32 = 4.0;
+const LEAST_EXPONENT: f32 = 6.0;
 /// Powers of two below the peak that a profile follows; beyond, its last value stands for nothing.
 const DEEPEST: f32 = 24.0;
 /// Chebyshev nodes (1 - cos((2k + 1) π / 8)) / 2.
@@ -75,9 +75,9 @@ mod tests {
     #[test]
     fn profile_follows_the_integral() {
         let mut tried = 0;
-        for one in [4.0f32, 8.0, 60.0, 700.0, 20_000.0, 1e7] {
-            for two in [4.0f32, 12.0, 90.0, 1500.0, 50_000.0, 1e9] {
-                for reach in [1e-8f32, 1e-5, 1e-3, 0.02, 0.1, 0.25] {
+        for one in [6.0f32, 9.0, 60.0, 700.0, 20_000.0, 1e7] {
+            for two in [6.0f32, 12.0, 90.0, 1500.0, 50_000.0, 1e9] {
+                for reach in [1e-8f32, 1e-5, 1e-3, 0.02, 0.1, 0.2] {
                     let Some(profile) = Profile::new(one, two, reach, 1.0) else { continue };
                     let peak = product_integral(one, two, 0.0);
                     tried += 1;
