@@ -278,9 +278,40 @@ pub struct Relight {
     #[arg(long)]
     pub method: Option<String>,
     #[command(flatten)]
+    pub picture: PictureOptions,
+    #[command(flatten)]
     pub outside: Outside,
     #[command(flatten)]
-    pub picture: PictureOptions,
+    pub moving: Moving,
+}
+
+/// What is not in the bake: lamps, and bodies that cast shadows.
+#[derive(Args)]
+#[command(next_help_heading = "Lamps and things that move")]
+pub struct Moving {
+    /// A ball of light: x,y,z,radius,L in metres, L one radiance or r,g,b; x,y,z:x,y,z,radius,L moves in --frames steps;
+    /// may be given several times
+    #[arg(long, value_name = "X,Y,Z[:X,Y,Z],RADIUS,L", allow_hyphen_values = true)]
+    pub lamp: Vec<String>,
+    /// A body that shadows lamps and suns: a scene as for bake, and where its origin stands, turned clockwise by TURN
+    /// degrees; a second place moves it in --frames steps; may be given several times
+    #[arg(long, value_name = "SCENE[@X,Y,Z[,TURN[,SCALE]][:X,Y,Z[,TURN]]]", allow_hyphen_values = true)]
+    pub blocker: Vec<String>,
+    /// Spheres that stand for a blocker, 1 to 4096
+    #[arg(long, default_value_t = 64, allow_negative_numbers = true)]
+    pub spheres: usize,
+    /// Levels of the masks before lamps, 1 to 5
+    #[arg(long, default_value_t = 5, allow_negative_numbers = true)]
+    pub mask_depth: u32,
+    /// What a partly hidden cell of a mask is: lit (aggressive), dark (conservative), or as dark as it is hidden
+    #[arg(long, default_value = "proportional", value_parser = ["aggressive", "conservative", "proportional"])]
+    pub mask: String,
+    /// Products of lobes below this share of a lamp's solid angle are dropped, or taken without a lobe
+    #[arg(long, default_value_t = 0.001, allow_negative_numbers = true)]
+    pub threshold: f32,
+    /// A .png of the products of lobes per vertex in false colour
+    #[arg(long, value_name = "FILE")]
+    pub products: Option<PathBuf>,
 }
 
 /// What is outside of an interior, and how its light bounces.

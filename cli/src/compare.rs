@@ -84,7 +84,7 @@ pub fn run(arguments: &args::Compare) -> Result<()> {
         let asset = Asset::from_bytes(&bytes).map_err(|e| anyhow!("{e}"))?;
         let mut engine = engine(&asset, candidate)?;
         let (mut row, total) = judge::measure(&asset, (&name, &mut engine), seconds, &light, &judge)?;
-        let (picture, _) = glossy::shade(&mut engine, &visibility, &surface, &total, &light)?;
+        let picture = glossy::shade(&mut engine, &visibility, &surface, &total, &light)?;
         output::picture(&folder.join(format!("{name}.png")), &picture, exposure)?;
         let error = lunette_render::error_picture(&picture, &truth.image, Some(&coverage), Scale::default())
             .map_err(|e| anyhow!("{e}"))?;

@@ -14,6 +14,7 @@ use lunette_relight::shell::{Shell, parse_material};
 use lunette_render::{Backdrop, Exterior, Pose, Surface, Track, capture};
 
 use crate::args;
+use crate::moving::Moment;
 use crate::progress::say;
 use crate::scene;
 
@@ -40,6 +41,8 @@ pub struct Spent {
     pub project: Duration,
     /// Dot products.
     pub dot: Duration,
+    /// Lamps and blockers that move.
+    pub moving: Duration,
 }
 
 impl Spent {
@@ -53,6 +56,8 @@ impl Spent {
 pub struct Evaluated {
     pub direct: Vec<[f32; 3]>,
     pub indirect: Vec<[f32; 3]>,
+    /// Products of lobes, of lamps.
+    pub products: Vec<u32>,
     pub spent: Spent,
 }
 
@@ -94,10 +99,32 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Irradiance of all vertices under a light, in frame `i` of `n`.
-    pub fn light(&mut self, asset: &Asset, light: &Light, i: usize, n: usize) -> Result<Evaluated> {
+    /// Irradiance of all vertices under a light and what moves, in frame `i` of `n`.
+    pub fn light(
+        &mut self,
+        asset: &Asset,
+        light: &Light,
+        moment: &Moment,
+        (i, n): (usize, usize),
+    ) -> Result<Evaluated> {
         let n_vertices = asset.n_vertices();
         let (mut direct, mut indirect) = (vec![[0.0; 3]; n_vertices], vec![[0.0; 3]; n_vertices]);
+        let mut products = vec![0; n_vertices];
+        let started = Instant::now();
+        let hidden = match self {
+            Engine::Sky(frame, _) => moment.hidden(asset, light, |sun, out| {
+                frame.project(sun);
+                for_each_part(out, |first, out| frame.direct(first, out));
+            }),
+            Engine::Interior(_) => None,
+        };
+        let hiding = started.elapsed();
+        let mut applying = Duration::ZERO;
+        let mut apply = |direct: &mut [[f32; 3]]| {
+            let started = Instant::now();
+            moment.apply(asset, hidden.as_deref(), direct, &mut products);
+            applying = started.elapsed();
+        };
         let started = Instant::now();
         match self {
             Engine::Sky(frame, carried) => {
@@ -114,17 +141,20 @@ impl<'a> Engine<'a> {
         match self {
             Engine::Sky(frame, _) => {
                 for_each_part(&mut direct, |first, out| frame.direct(first, out));
+                apply(&mut direct);
                 frame.reflect(&direct);
                 for_each_part(&mut indirect, |first, out| frame.add_indirect(first, out));
             }
             Engine::Interior(interior) => {
                 let frame = &mut interior.frame;
                 for_each_part(&mut direct, |first, out| frame.direct(first, out));
+                apply(&mut direct);
                 frame.reflect(&direct);
                 for_each_part(&mut indirect, |first, out| frame.add_indirect(first, out));
             }
         }
-        Ok(Evaluated { direct, indirect, spent: Spent { project, dot: started.elapsed() } })
+        let spent = Spent { project, dot: started.elapsed() - applying, moving: hiding + applying };
+        Ok(Evaluated { direct, indirect, products, spent })
     }
 }
 

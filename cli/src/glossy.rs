@@ -45,28 +45,38 @@ impl Coat {
     }
 }
 
-/// The picture of an engine's last frame, glossy vertices as the camera sees them; and what that took, for the line
-/// about the frame.
+/// Radiance that the glossy vertices add as seen from an eye, of all vertices, after an engine's last frame; empty where
+/// there are none. And what that took, for the line about the frame.
+pub fn specular(
+    engine: &mut Engine,
+    eye: Vec3,
+    irradiance: &[[f32; 3]],
+    light: &Light,
+) -> (Vec<Vec3>, String) {
+    let Some((glossy, frame)) = engine.glossy() else { return (Vec::new(), String::new()) };
+    let mut lobes = vec![[0.0; 3]; glossy.vertices().len()];
+    let started = Instant::now();
+    glossy.project(frame, irradiance);
+    glossy.aim(frame, light);
+    glossy.radiance_parallel(eye.to_array(), &mut lobes);
+    let milliseconds = started.elapsed().as_secs_f64() * 1e3;
+    let mut all = vec![Vec3::ZERO; irradiance.len()];
+    for (&v, s) in glossy.vertices().iter().zip(&lobes) {
+        all[v as usize] = Vec3::from(*s).max(Vec3::ZERO);
+    }
+    (all, format!(", {} glossy ones seen in {milliseconds:.2} ms", lobes.len()))
+}
+
+/// The picture of an engine's last frame, glossy vertices as the camera sees them.
 pub fn shade(
     engine: &mut Engine,
     visibility: &Visibility,
     surface: &Surface,
     irradiance: &[[f32; 3]],
     light: &Light,
-) -> Result<(Image, String)> {
+) -> Result<Image> {
+    let (specular, _) = specular(engine, visibility.eye(), irradiance, light);
     let mut radiance = stage::radiance(surface, irradiance);
-    let mut note = String::new();
-    if let Some((glossy, frame)) = engine.glossy() {
-        let mut specular = vec![[0.0; 3]; glossy.vertices().len()];
-        let started = Instant::now();
-        glossy.project(frame, irradiance);
-        glossy.aim(frame, light);
-        glossy.radiance_parallel(visibility.eye().to_array(), &mut specular);
-        let milliseconds = started.elapsed().as_secs_f64() * 1e3;
-        for (&v, s) in glossy.vertices().iter().zip(&specular) {
-            radiance[v as usize] += Vec3::from(*s).max(Vec3::ZERO);
-        }
-        note = format!(", {} glossy ones seen in {milliseconds:.2} ms", specular.len());
-    }
-    Ok((stage::shade_radiance(visibility, surface, &radiance, light)?, note))
+    radiance.iter_mut().zip(specular).for_each(|(r, s)| *r += s);
+    stage::shade_radiance(visibility, surface, &radiance, light)
 }

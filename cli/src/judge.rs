@@ -10,6 +10,7 @@ use lunette_scenes::{Mesh, Portal, Scene};
 use std::fmt::Write as _;
 
 use crate::engine::Engine;
+use crate::moving::Moment;
 use crate::{relight, render};
 
 /// The truth under one light, in the middle of every `stride`-th triangle.
@@ -156,10 +157,11 @@ pub fn measure(
     light: &Light,
     judge: &Judge,
 ) -> Result<(Row, Vec<[f32; 3]>)> {
-    let mut lit = engine.light(asset, light, 0, 1)?;
+    let still = Moment::default();
+    let mut lit = engine.light(asset, light, &still, (0, 1))?;
     let mut least = lit.spent.all();
     for _ in 1..5 {
-        lit = engine.light(asset, light, 0, 1)?;
+        lit = engine.light(asset, light, &still, (0, 1))?;
         least = least.min(lit.spent.all());
     }
     let total = relight::sum(&lit.direct, &lit.indirect);

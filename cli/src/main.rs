@@ -11,6 +11,7 @@ mod glossy;
 mod info;
 mod judge;
 mod light;
+mod moving;
 mod output;
 mod portals;
 mod progress;

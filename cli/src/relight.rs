@@ -2,17 +2,18 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use glam::Vec3;
 use lunette_relight::aperture::Intersection;
 use lunette_relight::asset::Asset;
 use lunette_relight::frame::{Frame, Method};
 use lunette_relight::light::{Light, Window};
-use lunette_render::{Exposure, Visibility, auto_exposure};
+use lunette_render::{Exposure, auto_exposure};
 
 use crate::args;
 use crate::engine::{Engine, Evaluated};
-use crate::output::{self, Lit};
+use crate::moving::{Lit, MOST_FRAMES, Moving, Studio};
+use crate::output;
 use crate::progress::say;
 use crate::{glossy, light, stage};
 
@@ -28,37 +29,58 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
     };
     let mut engine = Engine::new(&asset, method, &arguments.outside)
         .with_context(|| arguments.file.display().to_string())?;
+    let moving = Moving::new(&arguments.moving)?;
     let mut lights = light::frames(&arguments.light, bounds(&asset))?;
-    if lights.len() == 1 && arguments.outside.along.is_some() {
-        lights = vec![lights.remove(0); arguments.light.frames];
+    if lights.len() == 1 && (arguments.outside.along.is_some() || moving.moves()) {
+        let n = arguments.light.frames;
+        ensure!((1..=MOST_FRAMES).contains(&n), "--frames: {n} is not in 1..={MOST_FRAMES}");
+        lights = vec![lights.remove(0); n];
     }
+    let n = lights.len();
     let mut exposure = stage::exposure(&arguments.picture)?;
-    let surface = stage::surface(&asset);
-    let visibility =
-        if kind.is_picture() { Some(stage::visibility(&arguments.picture, surface)?) } else { None };
+    let mut studio = match kind.is_picture() {
+        true => Some(Studio::new(&asset, &moving, &arguments.picture)?),
+        false => None,
+    };
+    moving.check(&asset, studio.as_ref().map(Studio::eye), n)?;
+    if let Some(products) = &arguments.moving.products {
+        check_products(products, &moving, studio.as_ref(), n)?;
+    }
+    moving.report();
+    warn_of_portals(&asset, &moving);
     for (i, (label, light)) in lights.iter().enumerate() {
-        let path = output::frame_path(&arguments.output, i, lights.len())?;
+        let path = output::frame_path(&arguments.output, i, n)?;
+        let moment = moving.at(i, n);
         let mut seen = String::new();
-        let Evaluated { direct, indirect, spent } = engine.light(&asset, light, i, lights.len())?;
-        match &visibility {
-            None => {
-                output::vertices(&path, &asset, &Lit { direct: &direct, indirect: &indirect, error: None })?
+        let Evaluated { direct, indirect, products, spent } = engine.light(&asset, light, &moment, (i, n))?;
+        if let Some(studio) = &mut studio {
+            let total = sum(&direct, &indirect);
+            warn_of_ringing(&total);
+            let (specular, note) = glossy::specular(&mut engine, studio.eye(), &total, light);
+            seen = note;
+            let lit = Lit { light, total: &total, specular: &specular, products: &products, frame: (i, n) };
+            let image = studio.shoot(&moment, &lit)?;
+            if let Some(pattern) = &arguments.moving.products {
+                let picture = studio.products(&moment, &lit)?;
+                let path = output::frame_path(pattern, i, n)?;
+                lunette_render::write_png(&path, &picture).map_err(|e| anyhow!("{e}"))?;
             }
-            Some(visibility) => {
-                let total = sum(&direct, &indirect);
-                warn_of_ringing(&total);
-                let (image, note) = glossy::shade(&mut engine, visibility, &surface, &total, light)?;
-                seen = note;
-                if lights.len() > 1 && exposure == Exposure::Auto {
-                    exposure = Exposure::Stops(day_exposure(&mut engine, &lights, &asset, visibility)?);
-                }
-                output::picture(&path, &image, exposure)?;
+            if n > 1 && exposure == Exposure::Auto {
+                exposure = Exposure::Stops(middle_exposure(&mut engine, &lights, &asset, &moving, studio)?);
             }
+            output::picture(&path, &image, exposure)?;
+        } else {
+            let lit = output::Lit { direct: &direct, indirect: &indirect, error: None };
+            output::vertices(&path, &asset, &lit)?;
         }
         let label = if label.is_empty() { String::new() } else { format!(", {label}") };
-        let [project, dot] = [spent.project, spent.dot].map(|d| d.as_secs_f64() * 1e3);
+        let [project, dot, lobes] = [spent.project, spent.dot, spent.moving].map(|d| d.as_secs_f64() * 1e3);
+        let lamps = match moment.is_empty() {
+            true => String::new(),
+            false => format!(", {} in {lobes:.2} ms", moment.describe(&products)),
+        };
         println!(
-            "{}: light projected in {project:.2} ms, {} vertices relit in {dot:.2} ms{seen}{label}",
+            "{}: light projected in {project:.2} ms, {} vertices relit in {dot:.2} ms{seen}{lamps}{label}",
             path.display(),
             asset.n_vertices()
         );
@@ -66,19 +88,42 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
     Ok(())
 }
 
-/// One exposure for all frames of a day: that of its middle frame, noon.
-fn day_exposure(
+/// That a picture of products can be made, and written where it is asked for.
+fn check_products(path: &Path, moving: &Moving, studio: Option<&Studio>, n: usize) -> Result<()> {
+    ensure!(
+        output::kind(path)? == output::Kind::Png,
+        "--products: {}: the ending must be .png",
+        path.display()
+    );
+    ensure!(studio.is_some(), "--products: needs a picture as output, .png or .exr");
+    ensure!(!moving.is_empty(), "--products: needs a --lamp, whose products it counts");
+    output::frame_path(path, 0, n)?;
+    output::check_folder(path)
+}
+
+/// Portals know nothing of blockers.
+fn warn_of_portals(asset: &Asset, moving: &Moving) {
+    if asset.metadata.shells.len() > 1 && !moving.at(0, 1).blockers().is_empty() {
+        say("blockers shadow the lamps; they do not shadow what comes through the portals");
+    }
+}
+
+/// One exposure for all frames: that of the middle one, of a day noon.
+fn middle_exposure(
     engine: &mut Engine,
     lights: &[(String, Light)],
     asset: &Asset,
-    visibility: &Visibility,
+    moving: &Moving,
+    studio: &mut Studio,
 ) -> Result<f32> {
-    let middle = lights.len() / 2;
-    let (_, noon) = &lights[middle];
-    let lit = engine.light(asset, noon, middle, lights.len())?;
-    let total = sum(&lit.direct, &lit.indirect);
-    let (image, _) = glossy::shade(engine, visibility, &stage::surface(asset), &total, noon)?;
-    Ok(auto_exposure(&image))
+    let n = lights.len();
+    let (middle, (_, light)) = (n / 2, &lights[n / 2]);
+    let moment = moving.at(middle, n);
+    let Evaluated { direct, indirect, products, .. } = engine.light(asset, light, &moment, (middle, n))?;
+    let total = sum(&direct, &indirect);
+    let (specular, _) = glossy::specular(engine, studio.eye(), &total, light);
+    let lit = Lit { light, total: &total, specular: &specular, products: &products, frame: (middle, n) };
+    Ok(auto_exposure(&studio.shoot(&moment, &lit)?))
 }
 
 /// Direct and bounced irradiance of every vertex.

@@ -1,4 +1,4 @@
-//! False-colour pictures of an error, with a legend.
+//! False-colour pictures of an error or of a count, with a legend.
 //!
 //! Colours: the viridis map (dark blue, green, yellow: even steps look even, also without colour vision), as a
 //! polynomial of degree 6 per channel, within 4 of 255 of the table.
@@ -63,7 +63,27 @@ pub fn error_picture(a: &Image, b: &Image, weight: Option<&[f32]>, scale: Scale)
     let pixels = errors.iter().enumerate().map(colour).collect();
     let mut picture = Picture { width: a.width, height: a.height, pixels };
     if picture.width >= NARROWEST {
-        add_legend(&mut picture, top);
+        add_legend(&mut picture, top, percent);
+    }
+    Ok(picture)
+}
+
+/// Draws a count per pixel (the first channel), up to its largest rounded up to 1, 2 or 5 times a power of ten, over a
+/// legend. Pixels of no weight are dark; those that see the scene in part have their mean over that part.
+///
+/// # Errors
+/// [`Error::Options`] where sizes differ or a count is not finite.
+pub fn count_picture(counts: &Image, weight: &[f32]) -> Result<Picture, Error> {
+    if weight.len() != counts.pixels.len() || counts.pixels.iter().any(|p| !p.x.is_finite()) {
+        let what = format!("count picture: {} pixels, {} weights", counts.pixels.len(), weight.len());
+        return Err(Error::Options { what });
+    }
+    let of = |i: usize| (weight[i] > 0.0).then(|| counts.pixels[i].x / weight[i]);
+    let top = round_up((0..weight.len()).filter_map(of).fold(1.0, f32::max));
+    let pixels = (0..weight.len()).map(|i| of(i).map_or(BACKGROUND, |n| viridis(n / top))).collect();
+    let mut picture = Picture { width: counts.width, height: counts.height, pixels };
+    if picture.width >= NARROWEST {
+        add_legend(&mut picture, top, |n| format!("{n:.0}"));
     }
     Ok(picture)
 }
@@ -89,7 +109,7 @@ fn round_up(x: f32) -> f32 {
     [1.0, 2.0, 5.0, 10.0].map(|m| m * decade).into_iter().find(|top| *top >= x * 0.9999).unwrap_or(x)
 }
 
-fn add_legend(picture: &mut Picture, top: f32) {
+fn add_legend(picture: &mut Picture, top: f32, text: impl Fn(f32) -> String) {
     let (width, bar_top) = (picture.width, picture.height + MARGIN);
     picture.height += LEGEND;
     picture.pixels.resize(width * picture.height, BACKGROUND);
@@ -111,7 +131,7 @@ fn add_legend(picture: &mut Picture, top: f32) {
         for y in bar_top + BAR..bar_top + BAR + TICK {
             picture.pixels[y * width + x] = INK;
         }
-        let label = percent(top * k as f32 / n_ticks as f32);
+        let label = text(top * k as f32 / n_ticks as f32);
         let left = x.saturating_sub(font::width(&label) / 2).min(width.saturating_sub(font::width(&label)));
         font::draw(picture, left, bar_top + BAR + TICK + 1, &label, INK);
     }
@@ -131,6 +151,15 @@ fn percent(share: f32) -> String {
 mod tests {
     use super::*;
     use glam::Vec3;
+
+    #[test]
+    fn counts_are_coloured_up_to_the_largest_and_leave_the_background_dark() {
+        let counts = Image { width: 3, height: 1, pixels: [0.0, 20.0, 0.0].map(Vec3::splat).to_vec() };
+        // The middle pixel sees the scene with half of its rays: 40 there.
+        let picture = count_picture(&counts, &[1.0, 0.5, 0.0]).unwrap();
+        assert_eq!(picture.pixels, [viridis(0.0), viridis(40.0 / 50.0), BACKGROUND]);
+        assert!(count_picture(&counts, &[1.0]).is_err());
+    }
 
     #[test]
     fn viridis_matches_table_and_brightens() {

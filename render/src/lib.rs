@@ -25,6 +25,7 @@ mod image;
 mod image_file;
 mod measure;
 mod outline;
+mod props;
 mod reference;
 mod showing;
 mod tracer;
@@ -34,12 +35,13 @@ pub use camera::Camera;
 pub use capture::{Backdrop, capture};
 pub use error::Error;
 pub use exterior::{Exterior, Overlap, Pose, Track};
-pub use false_colour::{NARROWEST, Scale, error_picture, viridis};
+pub use false_colour::{NARROWEST, Scale, count_picture, error_picture, viridis};
 pub use framing::frame;
 pub use image::{Exposure, Image, KNEE, Picture, auto_exposure, luminance, tone_map};
 pub use image_file::{read_image, read_light, write_atomically, write_exr, write_png};
 pub use measure::{Difference, NOISE_MARGIN, difference, element_errors, may_judge, noise};
 pub use outline::draw_outlines;
+pub use props::Props;
 pub use reference::{
     N_BATCHES, Reference, ReferenceImage, ReferenceOptions, reference_image, reference_irradiance,
 };

@@ -7,6 +7,8 @@ use glam::{Quat, Vec3};
 use lunette_bake::Options;
 use lunette_relight::aperture::Intersection;
 use lunette_relight::frame::{Frame, Method};
+use lunette_relight::light::Cap;
+use lunette_relight::lobe::{self, Blockers, Lamp, Motion, Points, Scratch, Sphere, SphereSet, Sun, Target};
 use lunette_tests::baked::{baked, light, scene};
 
 fn workspace() -> &'static Path {
@@ -68,6 +70,38 @@ fn relighting_a_frame_does_not_allocate() {
         assert_eq!(counted.count_total, 0, "{method:?}");
         assert!(out.iter().all(|e| e[0] > 0.0), "{method:?} gave no light");
     }
+}
+
+#[test]
+fn moving_lamps_and_blockers_do_not_allocate() {
+    let sphere = |k: usize| Sphere { centre: Vec3::new(0.1 * k as f32, 1.0, 0.0), radius: 0.2 };
+    let set = SphereSet::new((0..20).map(sphere).collect()).expect("spheres");
+    let position: Vec<[f32; 3]> =
+        (0..900).map(|k| [(k % 30) as f32 * 0.1, 0.0, (k / 30) as f32 * 0.1 - 1.5]).collect();
+    let normal = vec![[0.0, 1.0, 0.0]; position.len()];
+    let (mut light, mut part) = (vec![[0.0; 3]; position.len()], vec![0.0; position.len()]);
+    let (mut scratch, mut blockers) = (Scratch::default(), Blockers::default());
+    let options = lobe::Options::default();
+    let disc = Cap { axis: Vec3::Y, radius: 0.1, radiance: Vec3::ONE };
+    let around = Sphere { centre: Vec3::ZERO, radius: 5.0 };
+    let mut frame = |i: usize| {
+        let motion = Motion { translation: Vec3::X * 0.1 * i as f32, ..Motion::default() };
+        blockers.clear();
+        blockers.push(&set, &motion);
+        let lamp = Lamp { centre: Vec3::new(i as f32, 3.0, 0.0), radius: 0.4, radiance: Vec3::ONE };
+        let points = Points { position: &position, normal: &normal };
+        let scene = lobe::Scene { lamps: &[lamp], blockers: &blockers };
+        let mut target = Target { light: &mut light, products: None };
+        lobe::add_irradiance(&points, &scene, &options, &mut scratch, &mut target);
+        let sun = Sun::new(&disc, around, &mut scratch).expect("a sun");
+        sun.visible_part(&position, &blockers, &options, &mut scratch, &mut part);
+    };
+    // The first frame makes room for the blockers.
+    frame(0);
+    let counted = allocation_counter::measure(|| (1..4).for_each(&mut frame));
+    assert_eq!(counted.count_total, 0);
+    assert!(part.contains(&1.0) && part.iter().any(|p| *p < 0.5), "the sun has a shadow");
+    assert!(light.iter().all(|e| e[0] >= 0.0) && light.iter().any(|e| e[0] > 0.0));
 }
 
 #[test]

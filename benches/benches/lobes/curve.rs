@@ -20,7 +20,7 @@ pub fn error_against_time(body: &SphereSet, page: &mut Page) -> Result<(), Box<d
     println!("{:>14} {:>6} {:>10} {:>8} {:>10}", "policy", "depth", "threshold", "ms", "relative");
     let mut series = Vec::new();
     for policy in [Policy::Aggressive, Policy::Conservative, Policy::Proportional] {
-        for threshold in [0.0, 1e-3, 1e-2] {
+        for threshold in [0.0, 1e-2, 1e-1] {
             let name = format!("{policy:?}, threshold {threshold}");
             let point = |depth| measure(body, height, &truth, &Options { depth, policy, threshold });
             series.push(Series { name, points: (1..=5).map(point).collect() });

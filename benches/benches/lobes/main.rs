@@ -25,9 +25,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     speed::materials();
     speed::shares(&body);
     curve::error_against_time(&body, &mut page)?;
-    mesh::against_rays(&rabbit, &body)?;
+    mesh::against_rays("five spheres", &mesh::five_spheres()?, None)?;
+    mesh::against_rays(rabbit.name, &body, Some(&rabbit))?;
     if let Some(bunny) = scene::bunny() {
-        mesh::against_rays(&bunny, &bunny.fit())?;
+        mesh::against_rays(bunny.name, &bunny.fit(), Some(&bunny))?;
     }
     println!("charts: {}", page.write("lobes.html")?.display());
     Ok(())

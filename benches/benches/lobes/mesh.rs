@@ -3,7 +3,7 @@
 use glam::Vec3;
 use lunette_ffi::{Device, Ray, SceneBuilder};
 use lunette_relight::lobe::{
-    Lamp, Options, Points, Scene, Scratch, Sphere, SphereSet, Target, add_irradiance,
+    Lamp, Options, Points, Policy, Scene, Scratch, Sphere, SphereSet, Target, add_irradiance,
 };
 
 use super::scene::{Body, HEIGHTS, blockers, lamp_of, motion, plane};
@@ -13,52 +13,92 @@ const SIDE: usize = 40;
 /// Radii of the lamp, metres, 5 m over the plane.
 const RADII: [f32; 3] = [0.1, 0.4, 1.0];
 
-pub fn against_rays(body: &Body, set: &SphereSet) -> Result<(), Box<dyn std::error::Error>> {
-    println!("{}, depth 5, proportional: relative difference, whole plane", body.name);
+/// Five spheres, the paper's Fig. 13; the lowest is 0.6 m over the plane.
+pub fn five_spheres() -> Result<SphereSet, Box<dyn std::error::Error>> {
+    let places = [[0.0, 1.0, 0.0], [1.2, 0.9, 0.4], [-1.1, 1.0, 0.7], [0.4, 1.8, -0.9], [-0.5, 1.1, -1.3]];
+    let sphere =
+        |(i, centre): (usize, &[f32; 3])| Sphere { centre: (*centre).into(), radius: 0.3 + 0.06 * i as f32 };
+    Ok(SphereSet::new(places.iter().enumerate().map(sphere).collect())?)
+}
+
+/// The spheres' shadows against rays past the same spheres and, where there is one, past the mesh they stand for.
+pub fn against_rays(
+    name: &str,
+    set: &SphereSet,
+    body: Option<&Body>,
+) -> Result<(), Box<dyn std::error::Error>> {
     println!(
-        "{:>7} {:>7} {:>13} {:>10} {:>22}",
-        "radius", "height", "same spheres", "true mesh", "spheres from mesh, rays"
+        "\n{name}, depth 5: relative difference over the plane, and where a percent or more of the light is hidden"
     );
-    let device = Device::new()?;
-    for radius in RADII {
-        for height in HEIGHTS {
-            let lit = by_lobes(set, height, radius);
-            let rays = Rays { rings: 20, lamp: lamp_of(radius) };
-            let spheres = moved(set, height);
-            let positions = plane(SIDE).position;
-            let by_spheres: Vec<f32> =
-                positions.iter().map(|&p| rays.light(p.into(), hits_spheres(&spheres))).collect();
-            let place = motion(height);
-            let position: Vec<[f32; 3]> =
-                body.position.iter().map(|p| (place.rotation * *p + place.translation).to_array()).collect();
-            let mut builder = SceneBuilder::new(&device)?;
-            builder.add_triangles(&position, &body.index)?;
-            let mesh = builder.commit()?;
-            let hit = |origin: Vec3, direction: Vec3| {
-                mesh.occluded(&Ray::new(origin.to_array(), direction.to_array()))
-            };
-            let by_mesh: Vec<f32> = positions.iter().map(|&p| rays.light(p.into(), hit)).collect();
-            let (same, true_mesh) = (relative(&lit, &by_spheres), relative(&lit, &by_mesh));
-            let fit = relative(&by_spheres, &by_mesh);
-            println!("{radius:>7} {height:>7} {same:>13.5} {true_mesh:>10.5} {fit:>22.5}");
-        }
+    println!("{:>7} {:>7} {:>23} {:>23} {:>23}", "", "", "proportional", "aggressive", "proportional");
+    println!(
+        "{:>7} {:>7} {:>23} {:>23} {:>23} {:>20}",
+        "radius",
+        "height",
+        "same spheres, shadow",
+        "same spheres, shadow",
+        "true mesh, of hidden",
+        "spheres from mesh"
+    );
+    for (radius, height) in RADII.into_iter().flat_map(|r| HEIGHTS.map(|h| (r, h))) {
+        let [lit, aggressive] = [Policy::Proportional, Policy::Aggressive]
+            .map(|policy| by_lobes(set, height, radius, &Options { policy, ..Options::default() }));
+        let rays = Rays { rings: 20, lamp: lamp_of(radius) };
+        let spheres = moved(set, height);
+        let by_spheres = rays.over_plane(hits_spheres(&spheres));
+        let open = rays.over_plane(|_, _| false);
+        let judge = |a: &[f32], b: &[f32]| {
+            let everywhere = relative(a, b, |_| true);
+            let shadow = relative(a, b, |k| b[k] < 0.99 * open[k]);
+            format!("{everywhere:.5}, {shadow:.5}")
+        };
+        let (same, by_aggressive) = (judge(&lit, &by_spheres), judge(&aggressive, &by_spheres));
+        let mesh = match body {
+            None => String::new(),
+            Some(body) => {
+                let by_mesh = by_embree(body, height, &rays)?;
+                // Of the light that the mesh hides: in a deep umbra hardly any is left to be relative to.
+                let hidden: Vec<f32> = open.iter().zip(&by_mesh).map(|(open, lit)| open - lit).collect();
+                let ours: Vec<f32> = open.iter().zip(&lit).map(|(open, lit)| open - lit).collect();
+                let everywhere = relative(&lit, &by_mesh, |_| true);
+                let judged = format!("{everywhere:.5}, {:.5}", relative(&ours, &hidden, |_| true));
+                format!(" {judged:>23} {:>20.5}", relative(&by_spheres, &by_mesh, |_| true))
+            }
+        };
+        println!("{radius:>7} {height:>7} {same:>23} {by_aggressive:>23}{mesh}");
     }
     Ok(())
 }
 
-fn by_lobes(set: &SphereSet, height: f32, radius: f32) -> Vec<f32> {
+fn by_embree(body: &Body, height: f32, rays: &Rays) -> Result<Vec<f32>, Box<dyn std::error::Error>> {
+    let place = motion(height);
+    let position: Vec<[f32; 3]> =
+        body.position.iter().map(|p| (place.rotation * *p + place.translation).to_array()).collect();
+    let device = Device::new()?;
+    let mut builder = SceneBuilder::new(&device)?;
+    builder.add_triangles(&position, &body.index)?;
+    let mesh = builder.commit()?;
+    Ok(rays.over_plane(|origin, direction| mesh.occluded(&Ray::new(origin.to_array(), direction.to_array()))))
+}
+
+fn by_lobes(set: &SphereSet, height: f32, radius: f32, options: &Options) -> Vec<f32> {
     let (plane, blockers) = (plane(SIDE), blockers(set, height));
     let mut light = vec![[0.0; 3]; plane.position.len()];
     let points = Points { position: &plane.position, normal: &plane.normal };
     let scene = Scene { lamps: &[lamp_of(radius)], blockers: &blockers };
     let mut target = Target { light: &mut light, products: None };
-    add_irradiance(&points, &scene, &Options::default(), &mut Scratch::default(), &mut target);
+    add_irradiance(&points, &scene, options, &mut Scratch::default(), &mut target);
     light.iter().map(|c| c[0]).collect()
 }
 
-fn relative(a: &[f32], b: &[f32]) -> f64 {
-    let off: f64 = a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum();
-    off / b.iter().map(|b| f64::from(*b)).sum::<f64>()
+/// Σ|a - b| / Σ b over the points that count.
+fn relative(a: &[f32], b: &[f32], counts: impl Fn(usize) -> bool) -> f64 {
+    let (mut off, mut all) = (0.0, 0.0);
+    for k in (0..a.len()).filter(|&k| counts(k)) {
+        off += f64::from((a[k] - b[k]).abs());
+        all += f64::from(b[k]);
+    }
+    off / all
 }
 
 /// The set's spheres where the body stands.
@@ -86,6 +126,10 @@ pub struct Rays {
 }
 
 impl Rays {
+    fn over_plane(&self, hit: impl Fn(Vec3, Vec3) -> bool) -> Vec<f32> {
+        plane(SIDE).position.iter().map(|&p| self.light(p.into(), &hit)).collect()
+    }
+
     /// Irradiance of a point that faces up.
     pub fn light(&self, point: Vec3, hit: impl Fn(Vec3, Vec3) -> bool) -> f32 {
         let to = self.lamp.centre - point;

@@ -106,6 +106,11 @@ pub fn aggressive() -> Options {
     Options { policy: Policy::Aggressive, threshold: 1e-3, ..Options::default() }
 }
 
+/// Partly hidden cells are as dark as they are hidden: the command line's options.
+pub fn proportional() -> Options {
+    Options { policy: Policy::Proportional, ..aggressive() }
+}
+
 /// One frame, by as many threads as there are scratches; slices are dealt in turn, so that shadows are shared.
 pub fn frame(
     plane: &Plane,

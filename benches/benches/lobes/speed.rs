@@ -3,14 +3,14 @@
 use std::time::Instant;
 
 use glam::Vec3;
-use lunette_benches::least;
+use lunette_benches::{duel, least};
 use lunette_relight::lobe::reflectance::{Cosine, Reflectance, ShapedLobe};
 use lunette_relight::lobe::{
     Blockers, Options, Points, Policy, Probe, Scene, Scratch, SphereSet, Stage, Surface, Target, add_light,
     add_radiance,
 };
 
-use super::scene::{HEIGHTS, aggressive, blockers, frame, lamp, plane};
+use super::scene::{HEIGHTS, aggressive, blockers, frame, lamp, plane, proportional};
 
 /// The paper's frames a second at 16,384 points for its three heights (Fig. 17).
 const PAPER: [f64; 3] = [15.9, 10.1, 4.75];
@@ -19,15 +19,15 @@ const PAPER_MATERIALS: f64 = 13.73;
 const ROUNDS: usize = 15;
 
 pub fn frames(body: &SphereSet) {
-    println!("\nframes a second, 64 spheres, depth 5 (paper at 16,384 points: {PAPER:?})");
+    println!("\nframes a second, 64 spheres, depth 5, threshold 0.001 (paper at 16,384 points: {PAPER:?})");
     println!(
         "{:>8} {:>7} {:>14} {:>10} {:>10} {:>12}",
         "points", "height", "policy", "one core", "two", "x paper"
     );
     for n in [64, 128, 256] {
         for (height, paper) in HEIGHTS.into_iter().zip(PAPER) {
-            for options in [aggressive(), Options::default()] {
-                let [one, two] = [1, 2].map(|threads| rate(n, body, height, &options, threads));
+            for options in [aggressive(), proportional()] {
+                let (one, two) = rates(n, body, height, &options);
                 let ratio = if n == 128 { format!("{:.1}", one / paper) } else { String::new() };
                 let policy = format!("{:?}", options.policy);
                 println!("{:>8} {height:>7} {policy:>14} {one:>10.1} {two:>10.1} {ratio:>12}", n * n);
@@ -36,11 +36,18 @@ pub fn frames(body: &SphereSet) {
     }
 }
 
-fn rate(n: usize, body: &SphereSet, height: f32, options: &Options, threads: usize) -> f64 {
+/// Frames a second on one core and on two, taken in turn.
+fn rates(n: usize, body: &SphereSet, height: f32, options: &Options) -> (f64, f64) {
     let (plane, blockers) = (plane(n), blockers(body, height));
-    let mut scratch = vec![Scratch::default(); threads];
-    let mut light = vec![[0.0; 3]; n * n];
-    1.0 / least(ROUNDS, || frame(&plane, &blockers, options, &mut scratch, &mut light))
+    let mut scratch = [Scratch::default(), Scratch::default(), Scratch::default()];
+    let (one, two) = scratch.split_at_mut(1);
+    let [mut light, mut other] = [vec![[0.0; 3]; n * n], vec![[0.0; 3]; n * n]];
+    let (one, two) = duel(
+        ROUNDS,
+        || frame(&plane, &blockers, options, one, &mut light),
+        || frame(&plane, &blockers, options, two, &mut other),
+    );
+    (1.0 / one, 1.0 / two)
 }
 
 /// Four Lafortune materials in a checker: mirror-like, retro-reflective, anisotropic, off-specular.

@@ -2,6 +2,7 @@
 
 mod assets;
 mod lights;
+mod moving;
 mod options;
 mod outputs;
 mod portals;

@@ -10,7 +10,7 @@ use glam::Vec3;
 use super::blockers::{LANES, Sphere};
 use super::frame::{Options, Points, Probe, Scene, Scratch, Stage, Surface, Target};
 use super::lamp::cap_exponent;
-use super::leaves::Order;
+use super::leaves::{Order, Profiles};
 use super::mask::{Cone, Cover};
 use super::product::{product_axis, product_shape};
 use super::reflectance::{Column, Columns, Frames, MAX_LOBES, Reflectance, lane_of};
@@ -241,10 +241,12 @@ impl Chunk {
             0 => (axis, shape.exponent, Order::Tabulated),
             _ => (axis, shape.exponent, Order::Weighed { light }),
         };
-        let full = scratch.full.overlap(axis, exponent, order);
-        let hidden = scratch.leaves.overlap(axis, exponent, order);
+        let profiles = Profiles::new(&scratch.leaves, &scratch.full, axis, exponent, order);
+        let full = scratch.full.overlap(axis, exponent, order, &profiles);
+        let hidden = scratch.leaves.overlap(axis, exponent, order, &profiles);
         // Nothing of the product within the lamp: there is no more to hide.
-        if full > 1e-20 { (1.0 - hidden / full).clamp(0.0, 1.0) } else { 1.0 }
+        let hidden = if full > 1e-20 { hidden / full } else { 0.0 };
+        (1.0 - hidden - scratch.leaves.rest).clamp(0.0, 1.0)
     }
 
     #[inline(always)]

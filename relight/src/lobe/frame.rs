@@ -27,8 +27,9 @@ pub struct Options {
     pub depth: u32,
     /// What becomes of cells that are hidden in part.
     pub policy: Policy,
-    /// The paper's tᵢ, relative to the lamp's solid angle: products with a smaller integral are dropped, and so
-    /// are shadow leaves that hold a smaller share of the lamp. 0 keeps all.
+    /// The paper's tᵢ, relative to the lamp's solid angle: products with a smaller integral are dropped. Shadow
+    /// leaves that hold a smaller share of the lamp are not multiplied, and take that share off as it is. 0
+    /// keeps all.
     pub threshold: f32,
 }
 

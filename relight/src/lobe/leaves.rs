@@ -15,10 +15,13 @@
 //!
 //! Based on: Meunier et al., Cosine Lobes for Interactive Direct Lighting in Dynamic Scenes, 2009.
 
+use std::f32::consts::TAU;
+
 use glam::Vec3;
 
 use super::blockers::LANES;
 use super::mask::{Cone, Cover, MAX_CELLS, MAX_DEPTH, Mask, Policy, row_mask};
+use super::profile::Profile;
 use super::weights::{Between, Weights, compact, first_cell, leaf_exponent, place, relative_overlap};
 
 /// Most leaves of a mask, in whole vectors per level.
@@ -26,6 +29,8 @@ const MAX_LEAVES: usize = MAX_CELLS * MAX_CELLS + LANES * (MAX_DEPTH as usize + 
 /// Level whose full mask normalises; 16 cells.
 const FULL_LEVEL: u32 = 2;
 const LEVELS: usize = MAX_DEPTH as usize + 1;
+/// Vectors of leaves from which on a profile, which costs as much as one, saves time.
+const WORTH_A_PROFILE: usize = 2;
 
 /// Leaves, as columns, level by level, each level padded to whole vectors with weight 0.
 #[derive(Clone, Debug)]
@@ -38,8 +43,12 @@ pub(super) struct Leaves {
     /// Where each level's leaves begin; ends where the next begins.
     begin: [usize; LEVELS + 1],
     exponent: [f32; LEVELS],
+    /// Chord from the middle of the square to its corner, on the unit sphere.
+    corner: f32,
     /// Leaves without the padding.
     pub n: u32,
+    /// Share of the lamp in leaves too small for a lobe of their own.
+    pub rest: f32,
 }
 
 /// In which order a leaf meets the other lobes, and so which weight it has.
@@ -54,6 +63,51 @@ pub(super) enum Order {
     },
     /// Lamp and leaf are one, the lobe c of the share f of the lamp; then with the reflectance lobe itself.
     LampFirst,
+}
+
+/// Overlaps with leaves of each level, where there are enough of them to be worth a profile.
+pub(super) struct Profiles {
+    /// With the product of lamp and reflectance.
+    product: [Option<Profile>; LEVELS],
+    /// With the lamp alone, for [`Order::Weighed`].
+    light: [Option<Profile>; LEVELS],
+}
+
+impl Profiles {
+    /// For the leaves of a mask and the full mask together.
+    #[inline(always)]
+    pub fn new(leaves: &Leaves, full: &Leaves, axis: Vec3, exponent: f32, order: Order) -> Profiles {
+        let mut profiles = Profiles { product: [None; LEVELS], light: [None; LEVELS] };
+        let light = match order {
+            Order::LampFirst => return profiles,
+            Order::Tabulated => None,
+            Order::Weighed { light } => Some(light),
+        };
+        let corner = leaves.corner;
+        let reach = axis.distance(Vec3::Z) + corner;
+        for level in 1..LEVELS {
+            if leaves.n_vectors(level) + full.n_vectors(level) < WORTH_A_PROFILE {
+                continue;
+            }
+            let leaf =
+                if leaves.n_vectors(level) > 0 { leaves.exponent[level] } else { full.exponent[level] };
+            profiles.product[level] = profile(exponent, leaf, reach);
+            profiles.light[level] = light.and_then(|light| profile(light, leaf, corner));
+        }
+        profiles
+    }
+}
+
+/// Of [`relative_overlap`], up to a chord.
+#[inline(always)]
+fn profile(light: f32, leaf: f32, chord: f32) -> Option<Profile> {
+    Profile::new(light, leaf, 0.5 * chord * chord, (light + 1.0) / TAU)
+}
+
+/// 1 - cos of the angle between unit vectors, which keeps small angles where both are near an axis.
+#[inline(always)]
+fn half_chord(a: Vec3, b: Vec3) -> f32 {
+    0.5 * (a - b).length_squared()
 }
 
 /// Dark cells of all levels, as rows of bits.
@@ -72,13 +126,15 @@ impl Leaves {
             share: zeros,
             begin: [0; LEVELS + 1],
             exponent: [0.0; LEVELS],
+            corner: 0.0,
             n: 0,
+            rest: 0.0,
         }
     }
 
     /// Collects the leaves of a mask, and says whether it is dark all over, or lit.
     ///
-    /// Leaves that hold less than `least` of the lamp are left out.
+    /// Leaves that hold less than `least` of the lamp get no lobe, and are added up in `rest`.
     #[inline(always)]
     pub fn collect(&mut self, mask: &Mask, cone: &Cone, weights: &Weights, least: f32) -> Cover {
         let depth = mask.cells.ilog2();
@@ -87,7 +143,7 @@ impl Leaves {
             return Cover::Dark;
         }
         let between = weights.between(cone);
-        self.start();
+        self.start(cone);
         for level in 1..=depth {
             self.begin_level(level, cone);
             for j in 0..1 << level {
@@ -99,14 +155,14 @@ impl Leaves {
             }
         }
         self.finish(depth);
-        if self.n > 0 { Cover::Partial } else { Cover::Lit }
+        if self.n > 0 || self.rest > 0.0 { Cover::Partial } else { Cover::Lit }
     }
 
     /// The 16 cells of the full mask.
     #[inline(always)]
     pub fn collect_full(&mut self, cone: &Cone, weights: &Weights) {
         let between = weights.between(cone);
-        self.start();
+        self.start(cone);
         for level in 1..=FULL_LEVEL {
             self.begin_level(level, cone);
         }
@@ -116,9 +172,11 @@ impl Leaves {
         self.finish(FULL_LEVEL);
     }
 
-    fn start(&mut self) {
+    fn start(&mut self, cone: &Cone) {
+        self.corner = cone.direction(1.0, 1.0).distance(Vec3::Z);
         self.begin = [0; LEVELS + 1];
         self.n = 0;
+        self.rest = 0.0;
     }
 
     /// Ends the level before and begins this one.
@@ -161,6 +219,7 @@ impl Leaves {
             bits &= bits - 1;
             let cell = between.cell(row + i);
             if cell.share * part <= least {
+                self.rest += cell.share * part;
                 continue;
             }
             let direction = cone.direction(place(i, level), q);
@@ -200,28 +259,64 @@ impl Leaves {
         }
     }
 
-    /// Σ w ∫ c r / ∫ r for the lobe r with this axis (in the cone's frame) and exponent.
+    /// Σ w ∫ c r / ∫ r for the lobe r with this axis (in the cone's frame) and exponent; `profiles` were made for it.
     #[inline(always)]
-    pub fn overlap(&self, axis: Vec3, exponent: f32, order: Order) -> f32 {
+    pub fn overlap(&self, axis: Vec3, exponent: f32, order: Order, profiles: &Profiles) -> f32 {
         let mut sum = [0.0; LANES];
         for level in 1..LEVELS {
             let leaf = self.exponent[level];
-            for first in (self.begin[level]..self.begin[level + 1]).step_by(LANES) {
-                match order {
-                    Order::Tabulated => self.add(first, &mut sum, |weight, _, v| {
+            let lanes = (self.begin[level]..self.begin[level + 1]).step_by(LANES);
+            match (order, &profiles.product[level], &profiles.light[level]) {
+                (Order::Tabulated, Some(profile), _) => lanes.for_each(|first| {
+                    self.add(first, &mut sum, |weight, _, v| weight * profile.at(half_chord(axis, v)))
+                }),
+                (Order::Tabulated, None, _) => lanes.for_each(|first| {
+                    self.add(first, &mut sum, |weight, _, v| {
                         weight * relative_overlap(exponent, leaf, axis, v)
-                    }),
-                    Order::Weighed { light } => self.add(first, &mut sum, |_, share, v| {
+                    })
+                }),
+                (Order::Weighed { .. }, Some(profile), Some(light)) => lanes.for_each(|first| {
+                    self.add(first, &mut sum, |_, share, v| {
+                        let whole = light.at(half_chord(Vec3::Z, v));
+                        share * profile.at(half_chord(axis, v)) / whole.max(1e-20)
+                    })
+                }),
+                (Order::Weighed { light }, ..) => lanes.for_each(|first| {
+                    self.add(first, &mut sum, |_, share, v| {
                         let whole = relative_overlap(light, leaf, Vec3::Z, v);
                         share * relative_overlap(exponent, leaf, axis, v) / whole.max(1e-20)
-                    }),
-                    Order::LampFirst => self.add(first, &mut sum, |_, share, v| {
-                        share * relative_overlap(leaf, exponent, axis, v)
-                    }),
-                }
+                    })
+                }),
+                (Order::LampFirst, ..) => lanes.for_each(|first| {
+                    self.add(first, &mut sum, |_, share, v| share * relative_overlap(leaf, exponent, axis, v))
+                }),
             }
         }
         sum.iter().sum()
+    }
+
+    /// Axis, exponent and weight of every leaf's lobe, for the tests' own integrals.
+    #[cfg(test)]
+    pub fn lobes(&self, order: Order) -> Vec<(Vec3, f32, f32)> {
+        let mut out = Vec::new();
+        for level in 1..LEVELS {
+            let leaf = self.exponent[level];
+            for k in self.begin[level]..self.begin[level + 1] {
+                let axis = Vec3::new(self.x[k], self.y[k], self.z[k]);
+                let weight = match order {
+                    Order::Weighed { light } => self.share[k] / relative_overlap(light, leaf, Vec3::Z, axis),
+                    _ => self.weight[k],
+                };
+                if weight > 0.0 {
+                    out.push((axis, leaf, weight));
+                }
+            }
+        }
+        out
+    }
+
+    fn n_vectors(&self, level: usize) -> usize {
+        (self.begin[level + 1] - self.begin[level]) / LANES
     }
 
     /// Adds eight leaves: a function of weight, share and direction.

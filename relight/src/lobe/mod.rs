@@ -14,10 +14,12 @@
 //! - [`reflectance`]: Lambert, Phong, modified Phong and Lafortune as lobes;
 //! - [`Lamp`], [`cap_lobe`]: a sphere of light, seen from a point as a cap, as a lobe;
 //! - [`SphereSet`], [`Blockers`]: what casts shadows, moved rigidly every frame;
-//! - [`add_irradiance`], [`add_radiance`]: one frame, into the caller's buffers.
+//! - [`add_irradiance`], [`add_radiance`]: one frame, into the caller's buffers;
+//! - [`Sun`]: what the blockers leave of a baked sun.
 //!
 //! Geometry of the baked scene does not block these lamps; only spheres do. Lamps are opaque: a nearer one
-//! hides what it covers of another. Light that has bounced is not part of this method.
+//! hides what it covers of another. Light that has bounced is not part of this method, but may be carried on from
+//! the irradiance that it adds.
 //!
 //! Based on: Meunier, Meneveaux, Aveneau and Ghazanfarpour, Cosine Lobes for Interactive Direct Lighting in
 //! Dynamic Scenes, 2009.
@@ -32,7 +34,10 @@ mod lamp;
 mod leaves;
 mod mask;
 mod product;
+mod profile;
 pub mod reflectance;
+mod relation;
+mod sun;
 #[cfg(test)]
 mod tests;
 mod weights;
@@ -50,6 +55,7 @@ pub use frame::{
 pub use lamp::{Lamp, cap_lobe, cap_lobe_least_squares};
 pub use mask::{MAX_DEPTH, Policy};
 pub use product::{product, product_integral, triple_integral};
+pub use sun::{Sun, WIDEST};
 
 /// s max(a·v, 0)ᵉ.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -40,7 +40,7 @@ use std::f32::consts::{LOG2_E, TAU};
 use glam::Vec3;
 
 use super::Lobe;
-use super::fast::{exp2, log2_1p};
+use super::fast::{exp2, log2, log2_1p};
 
 /// ln(I / Laplace) = κ (C₀ + C₁ κ + C₂ κ sin(φ/2) + C₃ κ / (m + 2) + C₄ κ²): least squares over 18 exponents
 /// from 0 to 100,000, pairwise, and 34 angles, against the exact integral.
@@ -50,6 +50,8 @@ const LATITUDE: (f32, f32) = (0.135_5, 1.914);
 /// What the least-squares exponent exceeds the mean curvature by, times 1 - cos φ; from numeric fits at
 /// exponents 0.2 to 10 and angles 0.3 to 1.8.
 const EXPONENT_SHIFT: f32 = 1.15;
+/// log2 of 2π.
+const LOG2_TAU: f32 = 2.651_496_1;
 /// Products of lobes that hardly meet grow without bound; beyond this an axis of f32 has no digits left.
 const MAX_EXPONENT: f32 = 1e12;
 
@@ -72,6 +74,22 @@ fn stationary_tan_squared(ratio: f32, versine: f32) -> f32 {
 /// Exponents from 0 up. Within 3 % of the exact integral.
 #[inline(always)]
 pub fn product_integral(e1: f32, e2: f32, versine: f32) -> f32 {
+    let (power, squared) = laplace(e1, e2, versine);
+    // The floor of `exp2` is not 0, but an integral this small is.
+    let peak = if power < -120.0 { 0.0 } else { exp2(power) };
+    TAU * peak / squared.sqrt()
+}
+
+/// log2 of [`product_integral`], which may be far below the least f32.
+#[inline(always)]
+pub(super) fn product_log2(e1: f32, e2: f32, versine: f32) -> f32 {
+    let (power, squared) = laplace(e1, e2, versine);
+    LOG2_TAU + power - 0.5 * log2(squared)
+}
+
+/// p and q of the integral 2π 2ᵖ / √q.
+#[inline(always)]
+fn laplace(e1: f32, e2: f32, versine: f32) -> (f32, f32) {
     let (a, b) = if e1 > e2 { (e1, e2) } else { (e2, e1) };
     let (shifted_a, shifted_b) = (a + 1.0, b + 1.0);
     let m = a + b;
@@ -95,10 +113,7 @@ pub fn product_integral(e1: f32, e2: f32, versine: f32) -> f32 {
     let correction = kappa * (c0 + kappa * (c1 + c2 * half_chord + c3 / (m + 2.0) + c4 * kappa));
     let peak = -0.5 * (a * log2_1p(tau_x) + b * log2_1p(tau));
     let latitude = m + 1.5 + LATITUDE.0 / (m + LATITUDE.1);
-    let power = peak + LOG2_E * correction;
-    // The floor of `exp2` is not 0, but an integral this small is.
-    let peak = if power < -120.0 { 0.0 } else { exp2(power) };
-    TAU * peak / (k * latitude).sqrt()
+    (peak + LOG2_E * correction, k * latitude)
 }
 
 /// The product's shape without its axis: exponent, and the weights of the two axes in the new one.

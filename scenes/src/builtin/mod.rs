@@ -174,6 +174,16 @@ const BUILTINS: &[Builtin] = &[
         make: rooms::box_room,
     },
     Builtin {
+        name: "rabbit",
+        what: "a rabbit alone, standing at the origin and looking to +z: something to put into another scene",
+        parameters: &[
+            real("height", "m", 1.0, [0.01, 100.0]),
+            whole("n", "edges along its height", 32.0, [17.0, 200.0]),
+            ALBEDO,
+        ],
+        make: rooms::rabbit_alone,
+    },
+    Builtin {
         name: "skylight-box",
         what: "a closed room with a small opening (`glass`) in the ceiling",
         parameters: &[

@@ -1,4 +1,4 @@
-//! Rooms with one opening: a window in a wall, or a small skylight.
+//! Rooms with one opening: a window in a wall, or a small skylight; and the rabbit that lives there.
 //!
 //! The walls are thick, so that the opening has reveals, and nothing but its pane lets light in. Panes are seen
 //! from inside.
@@ -51,7 +51,14 @@ pub fn skylight_box(values: &Values) -> Result<Scene, String> {
     solid.carve(vec3(-half, ROOM.y, -half), vec3(half, ROOM.y + WALL, half));
     solid.sheet(vec3(-half, y, -half), vec3(half, y, half), -Vec3::Y, skylight);
     solid.divide(1, ROOM.y, ROOM.y + WALL, 2);
-    furnish(&mut draft, &solid, edge, Gloss { specular: 0.0, exponent: 0.0 });
+    furnish(&mut draft, &solid, edge, MATT);
+    Ok(draft.scene)
+}
+
+pub fn rabbit_alone(values: &Values) -> Result<Scene, String> {
+    let height = values.get("height");
+    let mut draft = Draft::default();
+    add_rabbit(&mut draft, Vec3::ZERO, height, height / values.get("n"), MATT);
     Ok(draft.scene)
 }
 
@@ -61,6 +68,9 @@ struct Gloss {
     specular: f32,
     exponent: f32,
 }
+
+/// No gloss.
+const MATT: Gloss = Gloss { specular: 0.0, exponent: 0.0 };
 
 /// The closed room, each wall in its colour.
 fn room(draft: &mut Draft) -> Solid {
@@ -85,6 +95,10 @@ fn room(draft: &mut Draft) -> Solid {
 
 fn furnish(draft: &mut Draft, solid: &Solid, edge: f32, gloss: Gloss) {
     solid.skin(draft, &solid.lines(edge), |p| p);
+    add_rabbit(draft, vec3(0.5, 0.0, -0.4), RABBIT, RABBIT_EDGE * edge, gloss);
+}
+
+fn add_rabbit(draft: &mut Draft, foot: Vec3, height: f32, edge: f32, gloss: Gloss) {
     let reflectance = vec3(0.7, 0.66, 0.6);
     let fur = draft.matt("rabbit", ((1.0 - gloss.specular) * reflectance).into());
     if gloss.specular > 0.0 {
@@ -92,5 +106,5 @@ fn furnish(draft: &mut Draft, solid: &Solid, edge: f32, gloss: Gloss) {
         (coat.specular, coat.exponent) = (Vec3::splat(gloss.specular), gloss.exponent);
     }
     let paint = draft.paint("rabbit", fur);
-    rabbit(draft, paint, vec3(0.5, 0.0, -0.4), RABBIT, RABBIT_EDGE * edge);
+    rabbit(draft, paint, foot, height, edge);
 }

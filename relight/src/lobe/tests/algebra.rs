@@ -40,6 +40,43 @@ fn exponents() -> Vec<f64> {
     (0..6).flat_map(decade).chain([1e5]).collect()
 }
 
+/// ∫ f over the interval by Simpson's rule, halved until a half changes by less than `tolerance`.
+fn adaptive(f: &dyn Fn(f64) -> f64, low: f64, high: f64, tolerance: f64, depth: u32) -> f64 {
+    let simpson = |low: f64, high: f64| (f(low) + 4.0 * f(0.5 * (low + high)) + f(high)) * (high - low) / 6.0;
+    let middle = 0.5 * (low + high);
+    let (whole, halves) = (simpson(low, high), simpson(low, middle) + simpson(middle, high));
+    if depth == 0 || (halves - whole).abs() < 15.0 * tolerance {
+        return halves + (halves - whole) / 15.0;
+    }
+    let half = |low, high| adaptive(f, low, high, 0.5 * tolerance, depth - 1);
+    half(low, middle) + half(middle, high)
+}
+
+#[test]
+fn exact_integral_is_that_of_adaptive_quadrature_over_the_sphere() {
+    // Polar coordinates about the first axis, with none of the split into longitude and latitude.
+    for (e1, e2) in [(0.0f64, 0.0), (0.3, 0.7), (1.0, 1.0), (6.0, 2.5), (40.0, 1.0), (300.0, 60.0)] {
+        for phi in [0.0f64, 0.4, 1.2, 1.57, 2.2] {
+            let ring = |theta: f64| {
+                let value = |turn: f64| {
+                    let cos = theta.cos() * phi.cos() + theta.sin() * turn.cos() * phi.sin();
+                    if cos > 0.0 { cos.powf(e2) } else { 0.0 }
+                };
+                let around = 2.0 * adaptive(&value, 0.0, PI, 1e-8, 18);
+                theta.sin() * theta.cos().max(0.0).powf(e1) * around
+            };
+            // In pieces, so that no lobe falls between the first few places.
+            let piece = |k: i32| {
+                let step = FRAC_PI_2 / 16.0;
+                adaptive(&ring, f64::from(k) * step, f64::from(k + 1) * step, 1e-7, 12)
+            };
+            let sphere: f64 = (0..16).map(piece).sum();
+            // 16 pieces of 1e-7, and as much again from within.
+            assert!((sphere - exact(e1, e2, phi)).abs() < 5e-6, "{e1} {e2} {phi}: {sphere}");
+        }
+    }
+}
+
 #[test]
 fn integral_of_product_follows_quadrature_over_the_whole_range() {
     let exponents = exponents();

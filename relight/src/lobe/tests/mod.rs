@@ -4,6 +4,8 @@ mod algebra;
 mod reflectance;
 mod shadows;
 mod stability;
+mod sums;
+mod sun;
 
 use glam::Vec3;
 
