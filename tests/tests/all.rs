@@ -7,5 +7,6 @@ mod file_format;
 mod furnace;
 mod leaks;
 mod oracle;
+mod portals;
 mod real_terrain;
 mod reference;
