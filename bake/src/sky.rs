@@ -107,7 +107,7 @@ impl<'a> Work<'a> {
         let width = direct_width(self.order);
         let uniform: Vec<f32> = direct.chunks_exact(width).map(|r| std::f32::consts::PI * r[AO]).collect();
         let sets = HemisphereSets::new(BURIAL_RAYS, hash(self.options.seed, u64::MAX));
-        let smoother = Smoother::new(&scene.mesh, &smooth::reach(self.surface, &sets, &[]));
+        let smoother = Smoother::new(&scene.mesh, &smooth::reach(self.surface, None, &sets, &[]));
         let lie = Lie {
             buried: &donors.filled(),
             unlit: &vec![false; uniform.len()],

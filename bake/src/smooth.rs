@@ -15,7 +15,8 @@ use lunette_scenes::Mesh;
 use rayon::prelude::*;
 
 use crate::Surface;
-use crate::gather::packet;
+use crate::gather::{lane_of, packet};
+use crate::portal::Gates;
 use crate::sampling::{HemisphereSets, LANES};
 
 /// Ward's a: the change that is let pass.
@@ -81,9 +82,9 @@ impl Smoother {
     }
 }
 
-/// Harmonic mean of the distances that rays of each vertex go, metres; endless where they meet nothing, 0 where `skip`
-/// says that nobody asks.
-pub fn reach(surface: &Surface, sets: &HemisphereSets, skip: &[bool]) -> Vec<f32> {
+/// Harmonic mean of the distances that rays of each vertex go, to a surface or a portal, metres: bounced light ends at a
+/// portal's edge. Endless where they meet nothing, 0 where `skip` says that nobody asks.
+pub fn reach(surface: &Surface, gates: Option<&Gates>, sets: &HemisphereSets, skip: &[bool]) -> Vec<f32> {
     let of = |v: usize| {
         if skip.get(v) == Some(&true) {
             return 0.0;
@@ -91,11 +92,14 @@ pub fn reach(surface: &Surface, sets: &HemisphereSets, skip: &[bool]) -> Vec<f32
         let (set, frame) = sets.at(v, surface.mesh.normal[v]);
         let mut inverse = 0.0;
         for local in set {
-            let (mut rays, _) = packet(surface.origin[v], &frame, local);
+            let (mut rays, world) = packet(surface.origin[v], &frame, local);
             let mut hits = ffi::Hits::<LANES>::default();
             surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
             for lane in 0..LANES {
-                inverse += hits.get(&rays, lane).map_or(0.0, |hit| 1.0 / hit.t.max(surface.lift));
+                let wall = hits.get(&rays, lane).map_or(f32::INFINITY, |hit| hit.t);
+                let d = lane_of(&world, lane);
+                let pane = gates.and_then(|gates| gates.way(surface.origin[v], d)).unwrap_or(f32::INFINITY);
+                inverse += 1.0 / wall.min(pane).max(surface.lift);
             }
         }
         sets.n_rays() as f32 / inverse

@@ -21,6 +21,9 @@ const LIFT: f32 = 1e-5;
 /// Move of a ray's origin away from a border, as a share of the mean edge there.
 const INSET: f32 = 1e-3;
 
+/// A surface that faces a pane more squarely than this (sin² of the angle between them) is not moved along.
+const LEAST_SLOPE: f32 = 0.1;
+
 /// A scene ready for tracing. Triangle numbers are those of the mesh.
 pub struct Surface<'a> {
     /// The tree.
@@ -68,12 +71,18 @@ impl<'a> Surface<'a> {
             let corners = || portal.triangles.iter().flatten().copied();
             let low = corners().fold(Vec3::INFINITY, Vec3::min) - near;
             let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max) + near;
-            self.origin.par_iter_mut().zip(&self.mesh.position).for_each(|(origin, p)| {
+            let vertices = self.mesh.position.par_iter().zip(&self.mesh.normal);
+            self.origin.par_iter_mut().zip(vertices).for_each(|(origin, (p, n))| {
                 if p.cmpge(low).all() && p.cmple(high).all() {
                     let pane = portal.triangles.iter().find(|t| nearest(t, *p).distance(*p) < near);
                     if let Some([a, b, c]) = pane {
                         let inwards = (*b - *a).cross(*c - *a).normalize_or_zero();
-                        *origin += (near - (*origin - *a).dot(inwards)).max(0.0) * inwards;
+                        // Not through the vertex's own surface, where that faces the pane.
+                        let way = inwards - inwards.dot(*n).min(0.0) * *n;
+                        let slope = way.dot(inwards);
+                        if slope > LEAST_SLOPE {
+                            *origin += (near - (*origin - *a).dot(inwards)).max(0.0) / slope * way;
+                        }
                     }
                 }
             });

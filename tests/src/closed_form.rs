@@ -52,6 +52,28 @@ fn legendre(l: usize, x: f64) -> f64 {
 /// ∫ (1 + 2 s) / 3 s dω = 2π ∫₀¹ (s + 2 s²) / 3 ds.
 pub const OVERCAST_OVER_PLANE: f64 = 7.0 * PI / 9.0;
 
+/// Share of the cosine-weighted hemisphere that a rectangle of `a` x `b` fills over a point whose normal goes through
+/// one of its corners, at the distance `c`; odd in `a` and in `b`, so that sums of four give any rectangle of the plane.
+///
+/// Based on: J. Howell, A Catalog of Radiation Configuration Factors, 1982, B-3.
+pub fn facing_rectangle(a: f64, b: f64, c: f64) -> f64 {
+    let half = |a: f64, b: f64| a / a.hypot(c) * (b / a.hypot(c)).atan();
+    (half(a, b) + half(b, a)) / (2.0 * PI)
+}
+
+/// As [`facing_rectangle`], where the point's normal lies in the rectangle's plane, turned by `c`: it runs along `b`,
+/// and the nearest corner is at the distance `c`. Odd in `a`, 0 for `b` = 0.
+///
+/// Based on: Howell, B-4.
+pub fn upright_rectangle(a: f64, b: f64, c: f64) -> f64 {
+    ((a / c).atan() - c / b.hypot(c) * (a / b.hypot(c)).atan()) / (2.0 * PI)
+}
+
+/// The sum of a function of a corner over those of the rectangle from `low` to `high`.
+pub fn over_corners(low: [f64; 2], high: [f64; 2], f: impl Fn(f64, f64) -> f64) -> f64 {
+    f(high[0], high[1]) - f(low[0], high[1]) - f(high[0], low[1]) + f(low[0], low[1])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,5 +94,22 @@ mod tests {
             let error = disc_over_plane_in_bands(zenith, radius, 60) - disc_over_plane(zenith, radius);
             assert!(error.abs() < 1e-3 * radius * radius * PI, "{zenith} {radius}: {error}");
         }
+    }
+
+    #[test]
+    fn rectangles_fill_what_their_points_add_up_to() {
+        let (a, b, c) = (0.7, 1.3, 0.9);
+        const N: usize = 400;
+        let (mut facing, mut upright) = (0.0, 0.0);
+        for i in 0..N * N {
+            let (x, y) = ((i % N) as f64 + 0.5, (i / N) as f64 + 0.5);
+            let (x, y) = (x * a / N as f64, y * b / N as f64);
+            let cell = a * b / (N * N) as f64 / (x * x + y * y + c * c).powi(2) / PI;
+            facing += c * c * cell;
+            upright += y * c * cell;
+        }
+        // The midpoint rule over a smooth function: 1 / N².
+        assert!((facing - facing_rectangle(a, b, c)).abs() < 1e-5, "{facing}");
+        assert!((upright - upright_rectangle(a, b, c)).abs() < 1e-5, "{upright}");
     }
 }

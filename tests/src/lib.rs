@@ -4,5 +4,6 @@
 pub mod baked;
 pub mod brute;
 pub mod closed_form;
+pub mod interior;
 pub mod measure;
 pub mod sheets;

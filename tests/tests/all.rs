@@ -8,5 +8,6 @@ mod furnace;
 mod glossy;
 mod leaks;
 mod oracle;
+mod portals;
 mod real_terrain;
 mod reference;

@@ -56,6 +56,11 @@ impl Gates {
         Some(self.portal_of[self.tree.intersect(&ray)?.primitive as usize])
     }
 
+    /// How far a ray goes to the first portal that it passes, in lengths of `d`.
+    pub fn way(&self, origin: Vec3, d: Vec3) -> Option<f32> {
+        Some(self.tree.intersect(&ffi::Ray::new(origin.into(), d.into()))?.t)
+    }
+
     /// For each ray of a packet whether it passes a portal before its end; not for lanes that are off.
     pub fn any(&self, mask: &ffi::Mask<16>, rays: &ffi::Packet<16>) -> [bool; 16] {
         let mut rays = *rays;

@@ -121,7 +121,7 @@ fn bake(
         let sets = HemisphereSets::new(BURIAL_RAYS, hash(options.seed, u64::MAX));
         let owners = outside::owners(&surface, &gates, portals, options.seed);
         let unlit = outside::unlit(&surface, &gates, &owners, &sets);
-        let reach = smooth::reach(&surface, &sets, &unlit);
+        let reach = smooth::reach(&surface, Some(&gates), &sets, &unlit);
         let smoother = Smoother::new(&scene.mesh, &reach);
         let lit: Vec<usize> = (0..scene.mesh.position.len()).filter(|&v| !unlit[v]).collect();
         let buried = buried(&surface, &sets, &lit);

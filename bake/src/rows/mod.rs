@@ -193,9 +193,9 @@ impl Aim<'_> {
         let mask = ffi::Mask::first(n);
         let is_barred = self.is_barred((eye, row), rays, n, &packet);
         self.surface.tree.occluded_packet(&mask, &mut packet);
-        for lane in 0..n {
+        for (lane, is_barred) in is_barred.into_iter().enumerate().take(n) {
             let cell = rays.cell[lane];
-            let is_seen = !packet.is_occluded(lane) && !is_barred[lane];
+            let is_seen = !packet.is_occluded(lane) && !is_barred;
             let sums = &mut row.sums[cell];
             sums[0] += rays.weight[lane];
             sums[1] += if is_seen { rays.weight[lane] } else { 0.0 };

@@ -9,7 +9,8 @@
 //! \[T,3\]; `sky.ao` f16 \[V\], `sky.bent` f16 \[V,3\], `sky.aperture` f16 \[V\] (cap radius, radians),
 //! `sky.direct.sh` f16 \[V,n²\], `sky.indirect.sh` f16 \[V,m²,3\]; `sky.direct.*` and `portal.K.direct.*` as
 //! [`sparse`](crate::sparse) has them, `portal.K.indirect.sh` f16 \[V,m²,3\]; `indirect.patch` u16 \[V\]
-//! ([`NO_PATCH`]: none), `indirect.spread` f32 \[P,k,3\], `indirect.gather` f16 \[V,k\] as
+//! ([`NO_PATCH`]: none), `indirect.spread` f32 \[P,k,3\], `indirect.gather` f16 \[V+P,k\],
+//! `indirect.near.patch` u16 and `indirect.near.share` f16 \[V+P,[`N_NEAR`](crate::indirect::N_NEAR)\] as
 //! [`indirect`](crate::indirect) has them; `glossy.*` as [`glossy`](crate::glossy) has them. What is not baked is not there. A stored value
 //! times the tensor's scale ([`Metadata::scale`], 1 where absent) is the value meant.
 
@@ -154,6 +155,10 @@ impl<'a> Asset<'a> {
     /// When the content would not pass the checks of [`Asset::from_bytes`].
     pub fn to_bytes(&self) -> Result<Vec<u8>, Error> {
         check::tensors(self)?;
+        self.unchecked_bytes()
+    }
+
+    fn unchecked_bytes(&self) -> Result<Vec<u8>, Error> {
         let mut metadata = self.metadata.clone();
         metadata.checksum = "0".repeat(8);
         let describe = |m: &Metadata| serde_json::to_string(m).map_err(|e| Error::Description(e.to_string()));

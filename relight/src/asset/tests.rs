@@ -1,5 +1,7 @@
 use super::*;
 
+mod interior;
+
 fn sample() -> Asset<'static> {
     let mut asset = Asset::new(Metadata::new("triangle"));
     let triples = |v: [[f32; 3]; 3]| Data::F32(Cow::Owned(v.concat()));

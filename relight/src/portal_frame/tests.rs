@@ -5,6 +5,7 @@ use glam::{Vec2, Vec3};
 use super::*;
 use crate::asset::{Data, Metadata, Shell as ShellInfo};
 use crate::cubemap;
+use crate::indirect::N_NEAR;
 use crate::sh;
 use crate::sparse::{Encoder, Encoding, RowStore};
 
@@ -171,7 +172,11 @@ fn bounced_light_may_be_carried_from_direct_light() {
     );
     asset.insert("indirect.patch", &[V], Data::U16(Cow::Owned(vec![0; V])));
     asset.insert("indirect.spread", &[1, 9, 3], Data::F32(Cow::Owned(vec![1.0 / 9.0; 27])));
-    asset.insert_scaled("indirect.gather", &[V, 9], &[0.5; V * 9]);
+    // Rows of the vertices and of the one patch, which sees nothing near.
+    asset.insert_scaled("indirect.gather", &[V + 1, 9], &[0.5; (V + 1) * 9]);
+    let near = Data::U16(Cow::Owned(vec![0; (V + 1) * N_NEAR]));
+    asset.insert("indirect.near.patch", &[V + 1, N_NEAR], near);
+    asset.insert_scaled("indirect.near.share", &[V + 1, N_NEAR], &[0.0; (V + 1) * N_NEAR]);
     let mut frame = PortalFrame::new(&asset).unwrap();
     assert_eq!(frame.indirect(), Indirect::Sh);
     frame.set_indirect(Indirect::DirectToIndirect).unwrap();
