@@ -226,7 +226,7 @@ impl Work<'_> {
         let table = ShTable::new(n, order.max(1));
         let source = self.donors.sources(n_vertices);
         let mut direct_sh = vec![0.0; n_vertices * order * order];
-        let stage = format!("portal {}", self.portals[k].name);
+        let stage = format!("portal {} of {}, direct", k + 1, self.portals.len());
         let stage = Stage { name: &stage, rays: self.options.rays, progress: self.progress };
         let compute = |v: usize, [row, open]: &mut [Row; 2]| {
             let mut sh = vec![0.0; order * order];
@@ -325,7 +325,7 @@ impl Work<'_> {
             sets: &sets,
             order: m,
             seed: hash(self.options.seed, b as u64),
-            stage: &format!("bounce {b}"),
+            stage: &format!("portal {} of {}, bounce {b}", k + 1, self.portals.len()),
             total: (n_passes * n_vertices * rays) as u64,
             done: &AtomicU64::new(((b - 1) * n_vertices * rays) as u64),
         };
