@@ -88,7 +88,7 @@ const fn glass(glass: &'static [&'static str]) -> Shot {
 }
 
 const fn drive(frame: usize) -> Shot {
-    Shot::Drive { spec: "sky:100,38", frame }
+    Shot::Drive { spec: "sky:165,40 + cap:0,-1,0,1.57,1.5", frame }
 }
 
 pub const CHAPTERS: [Chapter; 9] = [
@@ -166,13 +166,13 @@ pub const CHAPTERS: [Chapter; 9] = [
     },
     Chapter {
         title: "A chapel through a day",
-        scene: "chapel:bays=2,edge=0.4",
+        scene: "chapel:bays=2,edge=0.5",
         kind: Kind::Interior,
         camera: Some("1.9,1.45,3.6;-0.9,2.0,-4;72"),
-        rays: 256,
+        rays: 768,
         text: "A closed room, lit through its windows alone. Each kind of glass is a portal: what it lets through is \
                baked on a cubemap of its own, and the sky's picture there is made anew for every frame. The sun's \
-               spots move over the floor and the pews; what they send on lights the vault, carried from direct to \
+               spots move over floor and walls; what they send on lights the vault, carried from direct to \
                indirect light, since low bands of spherical harmonics would blur the sun before it has bounced. The \
                last four pictures are one hour with the rose behind the camera red as it was modelled, clear, \
                frosted and closed: the same bake. The sky through the windows is drawn as if there were no glass.",
@@ -197,8 +197,8 @@ pub const CHAPTERS: [Chapter; 9] = [
         camera: Some("0.1,1.3,1.0;-0.1,0.55,-0.6;75"),
         rays: 64,
         text: "The interior is baked once and stays where it is; the town moves past, is drawn into the portals' \
-               cubemaps every frame, and shades the seats. Only the light of what is outside is computed: the sky \
-               in the windows is drawn without the town.",
+               cubemaps every frame, and shades and colours the seats. Only the light of what is outside is \
+               computed: the windows are drawn without the town.",
         shots: &[drive(0), drive(1), drive(2)],
         trials: &[],
     },
@@ -210,14 +210,16 @@ pub const CHAPTERS: [Chapter; 9] = [
         rays: 512,
         text: "The interior paper's second figure. To plain precomputed radiance transfer (sh5, sh10) the opening is \
                a small part of the whole sky, and ten bands over the sphere cannot hold its edge: direct light is \
-               smeared over the room, under an overcast sky as under a sun. A portal's rows hold it texel by texel. \
+               smeared over the room, under an overcast sky as under a sun. A portal's rows hold it texel by texel; \
+               what is left under the sun is that it is spread over a texel of three degrees. \
                What has bounced is smooth: four bands per portal (portal-sh4) carry an overcast sky's, but not a \
                sun's, which they blur before it enters; direct-to-indirect (portal-d2i) carries both, in more bytes, \
-               and is blotchy where a patch is lit in part.",
+               and is blotchy where a patch is lit in part. The reference here is found at the vertices, which are \
+               darkest in the creases.",
         shots: &[],
         trials: &[
-            Trial { light: "cie-overcast", stride: 64, samples: 16384, pictures: None },
-            Trial { light: "sky:120,60", stride: 64, samples: 8192, pictures: Some(256) },
+            Trial { light: "cie-overcast", stride: 64, samples: 8192, pictures: None },
+            Trial { light: "sky:120,60", stride: 8, samples: 2048, pictures: Some(256) },
         ],
     },
     Chapter {
@@ -230,8 +232,8 @@ pub const CHAPTERS: [Chapter; 9] = [
                sky, and fail under the sun as before.",
         shots: &[],
         trials: &[
-            Trial { light: "cie-overcast", stride: 64, samples: 16384, pictures: None },
-            Trial { light: "sky:275,25", stride: 64, samples: 8192, pictures: None },
+            Trial { light: "cie-overcast", stride: 64, samples: 8192, pictures: None },
+            Trial { light: "sky:275,25", stride: 8, samples: 2048, pictures: None },
         ],
     },
 ];
