@@ -54,14 +54,32 @@ pub fn run(arguments: &args::Bake) -> Result<()> {
     };
     let bytes = asset.to_bytes().map_err(|e| anyhow!("{e}"))?;
     lunette_render::write_atomically(&path, &bytes).map_err(|e| anyhow!("{e}"))?;
-    let per_vertex = bytes.len() as f64 / scene.mesh.position.len() as f64;
     println!(
-        "{}: {:.1} MB, {per_vertex:.0} bytes per vertex with the mesh, {:.1} s",
+        "{}: {:.1} MB, {:.1} s; bytes per vertex: {}",
         path.display(),
         bytes.len() as f64 / 1e6,
-        started.elapsed().as_secs_f64()
+        started.elapsed().as_secs_f64(),
+        bytes_per_vertex(&asset)
     );
     Ok(())
+}
+
+/// Where the bytes go, in words.
+fn bytes_per_vertex(asset: &Asset) -> String {
+    let kind = |name: &str| match name {
+        _ if name.starts_with("mesh.") => 0,
+        _ if name.ends_with("indirect.sh") => 2,
+        _ if name.starts_with("indirect.") => 3,
+        _ => 1,
+    };
+    let mut bytes = [0; 4];
+    for (name, tensor) in asset.tensors() {
+        bytes[kind(name)] += tensor.data.bytes().len();
+    }
+    let names = ["mesh", "direct light", "bounced light as SH", "bounced light from direct"];
+    let parts = names.iter().zip(bytes).filter(|(_, bytes)| *bytes > 0);
+    let per_vertex = |bytes: usize| bytes as f64 / asset.n_vertices().max(1) as f64;
+    parts.map(|(name, bytes)| format!("{:.0} {name}", per_vertex(bytes))).collect::<Vec<_>>().join(" + ")
 }
 
 /// Bakes with a progress bar and the scene's name in the result.

@@ -17,11 +17,11 @@ use crate::{args, bake, glossy, light, output, portals, relight, render, scene, 
 
 /// What is compared where nothing else is asked for.
 const UNDER_THE_SKY: [&str; 5] = ["bent", "aperture", "sh3", "sh5", "sh10"];
-const INSIDE: [&str; 4] = ["sh5", "sh10", "portal-sh4", "portal-d2i"];
+pub const INSIDE: [&str; 4] = ["sh5", "sh10", "portal-sh4", "portal-d2i"];
 
 /// What a name on the command line means.
 #[derive(Clone, Copy)]
-enum Candidate {
+pub enum Candidate {
     /// The sky as one shell, plain precomputed radiance transfer.
     Sky(Method),
     /// Portals, bounced light as both carriers, chosen by the light.
@@ -120,7 +120,8 @@ fn truth(
     render::image(tracer, light, &camera, size, &options)
 }
 
-fn candidates(names: &[String]) -> Result<Vec<(String, Candidate)>> {
+/// What the names mean.
+pub fn candidates(names: &[String]) -> Result<Vec<(String, Candidate)>> {
     names.iter().map(|name| Ok((name.clone(), candidate(name).context("--methods")?))).collect()
 }
 
@@ -142,7 +143,7 @@ fn candidate(name: &str) -> Result<Candidate> {
 }
 
 /// The engine by which a candidate's asset is lit.
-fn engine<'a>(asset: &'a Asset<'a>, candidate: Candidate) -> Result<Engine<'a>> {
+pub fn engine<'a>(asset: &'a Asset<'a>, candidate: Candidate) -> Result<Engine<'a>> {
     let inside =
         |indirect: Option<&str>| args::Outside { indirect: indirect.map(String::from), ..Default::default() };
     match candidate {
@@ -154,16 +155,16 @@ fn engine<'a>(asset: &'a Asset<'a>, candidate: Candidate) -> Result<Engine<'a>> 
 }
 
 /// What every bake needs.
-struct Work<'a> {
-    scene: &'a Scene,
-    portals: &'a [Portal],
-    effort: &'a Options,
-    portal_options: &'a PortalOptions,
+pub struct Work<'a> {
+    pub scene: &'a Scene,
+    pub portals: &'a [Portal],
+    pub effort: &'a Options,
+    pub portal_options: &'a PortalOptions,
 }
 
 impl Work<'_> {
     /// Bakes what a candidate needs, and no more.
-    fn bake(&self, candidate: Candidate) -> Result<Asset<'static>> {
+    pub fn bake(&self, candidate: Candidate) -> Result<Asset<'static>> {
         let inside = |order: usize, carried: &[Basis]| {
             let basis = [&[Basis::Haar], carried].concat();
             let options = Options { basis, order: 10, indirect_order: order, ..self.effort.clone() };

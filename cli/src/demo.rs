@@ -2,30 +2,25 @@
 
 mod chapters;
 mod report;
+mod trials;
 
 use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result, anyhow};
-use lunette_bake::Options;
+use lunette_bake::{Basis, Options, PortalOptions};
 use lunette_relight::asset::Asset;
-use lunette_relight::frame::Frame;
 use lunette_relight::light::Light;
-use lunette_render::{Exposure, ReferenceOptions, Tracer, Visibility, auto_exposure};
-use lunette_scenes::{LoadOptions, Scene};
+use lunette_render::{Exposure, Image, Visibility, auto_exposure};
+use lunette_scenes::{Portal, Scene};
 
-use crate::args::{self, Outside, PictureOptions};
+use crate::args::{self, Openings, Outside, PictureOptions};
 use crate::engine::Engine;
-use crate::judge::{self, Judge, Row};
+use crate::judge::Row;
+use crate::moving::Moment;
 use crate::progress::say;
-use crate::{bake, day, light, output, relight, render, stage};
-use chapters::{CHAPTERS, Chapter, DATE, PLACE, Shot, Trial};
-
-/// Methods of the tables.
-const METHODS: [&str; 7] = ["bent", "aperture", "aperture-smooth", "sh3", "sh5", "sh10", "sh10-lanczos"];
-
-/// Methods of which a trial shows pictures.
-const SHOWN: [&str; 4] = ["aperture", "sh5", "sh10", "sh10-lanczos"];
+use crate::{bake, day, light, output, portals, relight, scene, stage};
+use chapters::{CHAPTERS, Chapter, DATE, DRIVE, Kind, PLACE, Shot, Trial};
 
 /// Size of the pictures.
 const SIZE: &str = "640x400";
@@ -85,6 +80,8 @@ struct Desk<'a> {
     chapter: &'static Chapter,
     folder: &'a Path,
     scene: &'a Scene,
+    portals: &'a [Portal],
+    options: &'a Options,
     asset: &'a Asset<'a>,
     visibility: Visibility,
     bake_seconds: f64,
@@ -92,10 +89,20 @@ struct Desk<'a> {
 
 fn tell(chapter: &'static Chapter, options: &Options, folder: &Path) -> Result<Told> {
     say(&format!("{}: baking", chapter.scene));
-    let options = Options { rays: chapter.rays, ..options.clone() };
-    let scene = lunette_scenes::load(chapter.scene, &LoadOptions::default()).map_err(|e| anyhow!("{e}"))?;
+    let mut options = Options { rays: chapter.rays, ..options.clone() };
+    let mut scene = scene::load_plain(chapter.scene)?;
     let started = Instant::now();
-    let baked = bake::bake(&scene, chapter.scene, &options)?;
+    let (portals, baked) = match chapter.kind {
+        Kind::OpenSky => (Vec::new(), bake::bake(&scene, chapter.scene, &options)?),
+        Kind::Interior => {
+            options.basis = vec![Basis::Haar, Basis::DirectToIndirect];
+            let glass = Openings { portal: vec!["glass*".into()], ..Openings::default() };
+            let portals = portals::take(&mut scene, chapter.scene, &glass)?;
+            let gathering = PortalOptions::default();
+            let baked = bake::bake_portals(&scene, &portals, chapter.scene, &options, &gathering)?;
+            (portals, baked)
+        }
+    };
     let bake_seconds = started.elapsed().as_secs_f64();
     let path = folder.join(format!("{}.safetensors", chapter.name()));
     let bytes = baked.to_bytes().map_err(|e| anyhow!("{e}"))?;
@@ -108,88 +115,81 @@ fn tell(chapter: &'static Chapter, options: &Options, folder: &Path) -> Result<T
     let picture =
         PictureOptions { camera: chapter.camera.map(String::from), size: SIZE.into(), exposure: None };
     let visibility = stage::visibility(&picture, stage::surface(&asset))?;
-    let desk = Desk { chapter, folder, scene: &scene, asset: &asset, visibility, bake_seconds };
+    let desk = Desk {
+        chapter,
+        folder,
+        scene: &scene,
+        portals: &portals,
+        options: &options,
+        asset: &asset,
+        visibility,
+        bake_seconds,
+    };
     Ok(Told {
         chapter,
         vertices: asset.n_vertices(),
         bake_seconds,
         megabytes: bytes.len() as f64 / 1e6,
         pictures: show(&desk)?,
-        trials: chapter.trials.iter().map(|trial| try_methods(&desk, trial)).collect::<Result<_>>()?,
+        trials: trials::hold(&desk)?,
     })
 }
 
 /// The relit pictures of a chapter.
 fn show(desk: &Desk) -> Result<Vec<Shown>> {
     let mut shown = Vec::new();
+    let mut exposure_of_glass = Exposure::Auto;
     for (i, shot) in desk.chapter.shots.iter().enumerate() {
         let (caption, light) = shot_light(desk, shot)?;
-        let mut frame =
-            Frame::new(desk.asset, relight::method(shot.method())?).map_err(|e| anyhow!("{e}"))?;
-        frame.project(&light);
-        let (direct, indirect) = relight::evaluate(&frame, desk.asset.n_vertices());
+        let method = shot.method().map(relight::method).transpose()?;
+        let mut engine = Engine::new(desk.asset, method, &outside(shot))?;
+        let (frame, frames) = if let Shot::Drive { frame, .. } = shot { (*frame, DRIVE.2) } else { (0, 1) };
+        let lit = engine.light(desk.asset, &light, &Moment::default(), (frame, frames))?;
+        let image = desk.shade(&relight::sum(&lit.direct, &lit.indirect), &light)?;
+        if matches!((shot, exposure_of_glass), (Shot::Glass { .. }, Exposure::Auto)) {
+            exposure_of_glass = Exposure::Stops(auto_exposure(&image));
+        }
+        let exposure = if let Shot::Glass { .. } = shot { exposure_of_glass } else { Exposure::Auto };
         let file = format!("{}-{i}.png", desk.chapter.name());
-        desk.picture(&file, &relight::sum(&direct, &indirect), &light, Exposure::Auto)?;
-        shown.push(Shown { file, caption: format!("{caption}; {}", shot.method()) });
+        output::picture(&desk.folder.join(&file), &image, exposure)?;
+        shown.push(Shown { file, caption });
     }
     Ok(shown)
 }
 
 fn shot_light(desk: &Desk, shot: &Shot) -> Result<(String, Light)> {
-    match *shot {
-        Shot::Hour { hour, .. } => {
-            let mut frames = day::skies(DATE, PLACE, 24, TURBIDITY)?;
-            Ok(frames.swap_remove(hour))
+    let parse = |spec: &str| light::parse(spec, desk.scene.mesh.bounds());
+    let by = |method: &Option<&str>| method.map(|m| format!("; {m}")).unwrap_or_default();
+    Ok(match shot {
+        Shot::Hour { hour, method } => {
+            let (caption, light) = day::skies(DATE, PLACE, 24, TURBIDITY)?.swap_remove(*hour);
+            (caption + &by(method), light)
         }
-        Shot::Spec { spec, .. } => Ok((spec.into(), light::parse(spec, desk.scene.mesh.bounds())?)),
-    }
+        Shot::Spec { spec, method } => (spec.to_string() + &by(method), parse(spec)?),
+        Shot::Glass { spec, glass: [] } => (format!("{spec}; the glass as modelled"), parse(spec)?),
+        Shot::Glass { spec, glass } => (format!("{spec}; {}", glass.join(", ")), parse(spec)?),
+        Shot::Drive { spec, frame } => {
+            (format!("{spec}; frame {} of {} along {}", frame + 1, DRIVE.2, DRIVE.1), parse(spec)?)
+        }
+    })
 }
 
-/// All methods under one light, against the reference; and pictures, where the trial asks for them.
-fn try_methods(desk: &Desk, trial: &'static Trial) -> Result<Tried> {
-    say(&format!("{}: judging under {}", desk.chapter.scene, trial.light));
-    let light = light::parse(trial.light, desk.scene.mesh.bounds())?;
-    let albedo = desk.scene.vertex_albedo();
-    let tracer = Tracer::new(render::surface(desk.scene, &albedo)).map_err(|e| anyhow!("{e}"))?;
-    let samples = ReferenceOptions { samples: trial.samples, bounces: 2, seed: 1 };
-    let judge = Judge::new(desk.scene, &tracer, &light, &samples, trial.stride, &[])?;
-    let mut pictures = Vec::new();
-    let mut exposure = Exposure::Auto;
-    if trial.stride == 1 {
-        let truth = render::vertices(&tracer, &light, &samples)?.total();
-        let truth: &[[f32; 3]] = bytemuck::cast_slice(&truth);
-        let image = stage::shade(&desk.visibility, &stage::surface(desk.asset), truth, &light)?;
-        exposure = Exposure::Stops(auto_exposure(&image));
-        pictures.push(desk.trial_picture("reference", truth, &light, exposure)?);
-    }
-    let mut rows = Vec::new();
-    for name in METHODS {
-        let mut engine = Engine::new(desk.asset, Some(relight::method(name)?), &Outside::default())?;
-        let (row, total) =
-            judge::measure(desk.asset, (name, &mut engine), desk.bake_seconds, &light, &judge)?;
-        if trial.stride == 1 && SHOWN.contains(&name) {
-            pictures.push(desk.trial_picture(name, &total, &light, exposure)?);
+/// What a shot needs outside, as on the command line.
+fn outside(shot: &Shot) -> Outside {
+    let plain = Outside::default();
+    match shot {
+        Shot::Glass { glass, .. } => {
+            Outside { portal_material: glass.iter().map(|g| g.to_string()).collect(), ..plain }
         }
-        rows.push(row);
+        Shot::Drive { .. } => {
+            Outside { exterior: Some(DRIVE.0.into()), along: Some(DRIVE.1.into()), ..plain }
+        }
+        Shot::Hour { .. } | Shot::Spec { .. } => plain,
     }
-    Ok(Tried { trial, rows, judge: judge.describe(), pictures })
 }
 
 impl Desk<'_> {
-    fn picture(&self, file: &str, irradiance: &[[f32; 3]], light: &Light, exposure: Exposure) -> Result<()> {
-        let image = stage::shade(&self.visibility, &stage::surface(self.asset), irradiance, light)?;
-        output::picture(&self.folder.join(file), &image, exposure)
-    }
-
-    fn trial_picture(
-        &self,
-        name: &str,
-        irradiance: &[[f32; 3]],
-        light: &Light,
-        exposure: Exposure,
-    ) -> Result<Shown> {
-        let file = format!("{}-{name}.png", self.chapter.name());
-        self.picture(&file, irradiance, light, exposure)?;
-        Ok(Shown { file, caption: name.into() })
+    fn shade(&self, irradiance: &[[f32; 3]], light: &Light) -> Result<Image> {
+        stage::shade(&self.visibility, &stage::surface(self.asset), irradiance, light)
     }
 }

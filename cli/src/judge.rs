@@ -62,6 +62,12 @@ impl Row {
         percent(self.relative.total, self.noise.total)
     }
 
+    /// As [`percent`](Row::percent), of direct and of bounced light.
+    pub fn percent_of_parts(&self) -> [String; 2] {
+        [(self.relative.direct, self.noise.direct), (self.relative.indirect, self.noise.indirect)]
+            .map(|(relative, noise)| percent(relative, noise))
+    }
+
     /// Whether the reference's noise is small enough to judge it.
     pub fn is_judged(&self) -> bool {
         lunette_render::may_judge(self.noise.total, self.relative.total)
@@ -201,9 +207,7 @@ pub fn table(rows: &[Row], judge: &Judge) -> String {
     );
     for r in rows {
         let (d, p) = (r.percent(), 100.0 * r.percentile_99);
-        let [direct, indirect] =
-            [(r.relative.direct, r.noise.direct), (r.relative.indirect, r.noise.indirect)]
-                .map(|(r, n)| percent(r, n));
+        let [direct, indirect] = r.percent_of_parts();
         let picture = r.picture.map_or("-".into(), |(r, n)| format!("{} %", percent(r, n)));
         let bytes = format!("{:.0} + {:.0}", r.bytes.0, r.bytes.1);
         let _ = writeln!(

@@ -42,13 +42,16 @@ pub fn catch_interrupt() {
 pub struct Bar {
     unit: &'static str,
     scale: f64,
-    started: Instant,
     shown: Mutex<Shown>,
 }
 
 struct Shown {
     bar: Option<ProgressBar>,
     last: Instant,
+    /// The stage at hand, since when, and what was done before it.
+    stage: String,
+    started: Instant,
+    before: u64,
     greatest: u64,
 }
 
@@ -62,18 +65,27 @@ impl Bar {
             ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
         });
         let now = Instant::now();
-        Bar { unit, scale, started: now, shown: Mutex::new(Shown { bar, last: now, greatest: 0 }) }
+        let shown = Shown { bar, last: now, stage: String::new(), started: now, before: 0, greatest: 0 };
+        Bar { unit, scale, shown: Mutex::new(shown) }
     }
 
-    /// `done` of `total`, in any order and from any thread.
+    /// `done` of `total`, in any order and from any thread; one stage after the other.
     pub fn set(&self, stage: &str, done: u64, total: u64) {
         let Ok(mut shown) = self.shown.try_lock() else { return };
+        if stage != shown.stage {
+            // Speed counts from here: some stages go on counting where the last one ended, some begin at 0.
+            (shown.before, shown.greatest) = (done, done);
+            shown.stage = stage.to_string();
+            shown.started = Instant::now();
+            return;
+        }
         if done <= shown.greatest {
             return;
         }
         shown.greatest = done;
-        let seconds = self.started.elapsed().as_secs_f64();
-        let rate = format!("{:.1} {}/s", done as f64 / self.scale / seconds.max(1e-9), self.unit);
+        let seconds = shown.started.elapsed().as_secs_f64().max(1e-9);
+        let speed = (done - shown.before) as f64 / seconds;
+        let rate = format!("{:.1} {}/s", speed / self.scale, self.unit);
         if let Some(bar) = &shown.bar {
             bar.set_length(total);
             bar.set_message(stage.to_string());
@@ -81,7 +93,7 @@ impl Bar {
             bar.set_position(done);
         } else if shown.last.elapsed() >= PLAIN_INTERVAL {
             shown.last = Instant::now();
-            let left = seconds * (total.saturating_sub(done)) as f64 / done as f64;
+            let left = total.saturating_sub(done) as f64 / speed;
             say(&format!("{stage}: {:.0} %, {rate}, {left:.0} s left", 100.0 * done as f64 / total as f64));
         }
     }

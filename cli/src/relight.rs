@@ -6,7 +6,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use glam::Vec3;
 use lunette_relight::aperture::Intersection;
 use lunette_relight::asset::Asset;
-use lunette_relight::frame::{Frame, Method};
+use lunette_relight::frame::Method;
 use lunette_relight::light::{Light, Window};
 use lunette_render::{Exposure, auto_exposure};
 
@@ -124,16 +124,6 @@ fn middle_exposure(
     let (specular, _) = glossy::specular(engine, studio.eye(), &total, light);
     let lit = Lit { light, total: &total, specular: &specular, products: &products, frame: (middle, n) };
     Ok(auto_exposure(&studio.shoot(&moment, &lit)?))
-}
-
-/// Direct and bounced irradiance of every vertex.
-pub fn evaluate(frame: &Frame, n_vertices: usize) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
-    use rayon::prelude::*;
-    let (mut direct, mut indirect) = (vec![[0.0; 3]; n_vertices], vec![[0.0; 3]; n_vertices]);
-    let task = 8192;
-    direct.par_chunks_mut(task).enumerate().for_each(|(i, out)| frame.direct(i * task, out));
-    indirect.par_chunks_mut(task).enumerate().for_each(|(i, out)| frame.add_indirect(i * task, out));
-    (direct, indirect)
 }
 
 /// Both together.

@@ -83,7 +83,7 @@ const WIDEST_SUN: f32 = 0.4;
 /// Patches of a row that are kept one by one.
 pub const N_NEAR: usize = 12;
 
-/// Steps by which B is found: a near patch gives back at most its albedo, mostly much less.
+/// Most steps by which B is found, each a bounce: a near patch gives back at most its albedo, mostly much less.
 const STEPS: usize = 8;
 
 /// Vertices whose sums lie on the stack at a time.
@@ -108,6 +108,8 @@ pub struct Carrier<'a> {
     /// Light at the patches from far, and all that leaves them.
     far: Vec<[f32; 3]>,
     leaving: Vec<Vec3>,
+    next: Vec<Vec3>,
+    steps: usize,
 }
 
 impl<'a> Carrier<'a> {
@@ -152,6 +154,8 @@ impl<'a> Carrier<'a> {
             z: vec![[0.0; 3]; k],
             far: vec![[0.0; 3]; n_patches],
             leaving: vec![Vec3::ZERO; n_patches],
+            next: vec![Vec3::ZERO; n_patches],
+            steps: bounces(asset).saturating_sub(1).min(STEPS),
         })
     }
 
@@ -188,15 +192,16 @@ impl<'a> Carrier<'a> {
     fn leave(&mut self) {
         let (k, n_vertices) = (self.z.len(), self.patch.len());
         dot::sh(&self.gather[n_vertices * k..], &self.z, &mut self.far);
-        let mut leaving = std::mem::take(&mut self.leaving);
-        leaving.iter_mut().zip(&self.reflected).for_each(|(b, r)| *b = Vec3::from(*r));
-        for _ in 0..STEPS {
-            for p in 0..leaving.len() {
-                let arriving = Vec3::from(self.far[p]) + self.near(n_vertices + p, &leaving);
-                leaving[p] = Vec3::from(self.reflected[p]) + self.albedo[p] * arriving.max(Vec3::ZERO);
+        let mut next = std::mem::take(&mut self.next);
+        self.leaving.iter_mut().zip(&self.reflected).for_each(|(b, r)| *b = Vec3::from(*r));
+        for _ in 0..self.steps {
+            for (p, next) in next.iter_mut().enumerate() {
+                let arriving = Vec3::from(self.far[p]) + self.near(n_vertices + p, &self.leaving);
+                *next = Vec3::from(self.reflected[p]) + self.albedo[p] * arriving.max(Vec3::ZERO);
             }
+            std::mem::swap(&mut self.leaving, &mut next);
         }
-        self.leaving = leaving;
+        self.next = next;
     }
 
     /// Light from the near patches of a row.
@@ -243,6 +248,12 @@ impl<'a> Carrier<'a> {
     pub fn bytes_per_vertex(&self) -> usize {
         2 * self.rank() + 4 * N_NEAR + 2
     }
+}
+
+/// How often light bounces in an asset; endlessly where it does not say.
+fn bounces(asset: &Asset) -> usize {
+    let value = asset.metadata.options.get("bounces").and_then(serde_json::Value::as_u64);
+    value.map_or(usize::MAX, |n| n as usize)
 }
 
 /// area ρ / area of the patch, per vertex; 0 for a patch without area.

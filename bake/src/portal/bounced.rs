@@ -190,7 +190,7 @@ impl Work<'_> {
             sets: &sets,
             order: 0,
             seed: hash(self.options.seed, b as u64),
-            stage: &format!("bounce {b}"),
+            stage: &format!("portal {} of {}, bounce {b}", k + 1, self.portals.len()),
             total: (n_passes * n_vertices * rays) as u64,
             done: &AtomicU64::new(((b - 1) * n_vertices * rays) as u64),
         };

@@ -225,7 +225,7 @@ impl Work<'_> {
         let through = aim(Opening::Portal { gates: self.gates, polygons });
         let outside = aim(Opening::Sky(Some(self.gates)));
         let source = self.donors.sources(n_vertices);
-        let stage = format!("portal {}", self.portals[k].name);
+        let stage = format!("portal {} of {}, direct", k + 1, self.portals.len());
         let stage = Stage { name: &stage, rays: self.options.rays, progress: self.progress };
         let is_seen = AtomicBool::new(false);
         let compute = |v: usize, [row, open]: &mut [Row; 2]| {

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use lunette_bake::Options;
 
+use super::chapters::Kind;
 use super::{Shown, Told, Tried};
 use crate::judge::Row;
 
@@ -22,10 +23,13 @@ pub fn page(told: &[Told], options: &Options, threads: usize, seconds: f64) -> S
     );
     let _ = writeln!(
         page,
-        "<p>Five scenes, each baked once ({} bounces, direct light to order {}, bounced light to \
+        "<p>{} scenes, each baked once ({} bounces; under the open sky direct light to order {}, bounced light to \
          order {}), then relit. Everything here was made and measured by this run, in {seconds:.0} s on {threads} \
          threads.</p>",
-        options.bounces, options.order, options.indirect_order
+        told.len(),
+        options.bounces,
+        options.order,
+        options.indirect_order
     );
     told.iter().for_each(|chapter| section(&mut page, chapter));
     page.push_str(&summary(told));
@@ -44,7 +48,7 @@ fn section(page: &mut String, told: &Told) {
     for tried in &told.trials {
         let _ = writeln!(page, "<h3>Measured under <code>{}</code></h3>", tried.trial.light);
         figures(page, &tried.pictures);
-        table(page, tried);
+        table(page, tried, chapter.kind);
     }
 }
 
@@ -57,48 +61,56 @@ fn figures(page: &mut String, pictures: &[Shown]) {
     }
 }
 
-fn table(page: &mut String, tried: &Tried) {
+fn table(page: &mut String, tried: &Tried, kind: Kind) {
     page.push_str(
-        "<table><tr><th>method<th>relative difference<th>99th percentile<th>bytes per vertex<th>bake, s\
+        "<table><tr><th>method<th>relative difference<th>direct<th>bounced<th>99th percentile<th>bytes per vertex<th>bake, s\
          <th>relight, ms</tr>\n",
     );
     for r in &tried.rows {
         let (d, p) = (r.percent(), 100.0 * r.percentile_99);
+        let [direct, bounced] = r.percent_of_parts();
         let _ = writeln!(
             page,
-            "<tr><td>{}<td>{d} %<td>{p:.1} %<td>{:.0}<td>{:.1}<td>{:.2}</tr>",
+            "<tr><td>{}<td>{d} %<td>{direct} %<td>{bounced} %<td>{p:.1} %<td>{:.0}<td>{:.1}<td>{:.2}</tr>",
             r.name,
             r.bytes.0 + r.bytes.1,
             r.bake_seconds,
             r.relight_milliseconds
         );
     }
-    let _ = writeln!(
-        page,
-        "</table><p class=note>{}. One bake made all methods; with its ten bands in the file, a \
-         frame of sh3 or sh5 reads them all, and takes as long as sh10.</p>",
-        tried.judge
-    );
+    let note = match kind {
+        Kind::OpenSky => {
+            "One bake made all methods; with its ten bands in the file, a frame of sh3 or sh5 reads them all, and \
+             takes as long as sh10"
+        }
+        Kind::Interior => "Each method has a bake of its own",
+    };
+    let _ = writeln!(page, "</table><p class=note>{}. {note}.</p>", tried.judge);
 }
 
 /// Each method's best and worst case among the trials.
 fn summary(told: &[Told]) -> String {
-    let trials: Vec<(&Told, &Tried)> =
-        told.iter().flat_map(|t| t.trials.iter().map(move |tried| (t, tried))).collect();
+    let cases = told.iter().flat_map(|t| t.trials.iter().map(move |tried| (t, tried)));
+    let cases: Vec<Case> =
+        cases.flat_map(|(t, tried)| tried.rows.iter().map(move |row| (t, tried, row))).collect();
     let mut text = String::from(
         "<h2>Where each method breaks</h2>\n<p>Relative difference against the reference: the best and the worst \
          of the cases above.</p>\n<table><tr><th>method<th>best<th>where<th>worst<th>where</tr>\n",
     );
-    for (i, name) in super::METHODS.iter().enumerate() {
-        let error = |(_, tried): &&(&Told, &Tried)| tried.rows[i].relative.total;
-        let by_error = |a: &&(&Told, &Tried), b: &&(&Told, &Tried)| error(a).total_cmp(&error(b));
-        let (Some(best), Some(worst)) = (trials.iter().min_by(by_error), trials.iter().max_by(by_error))
-        else {
+    let mut names: Vec<&str> = Vec::new();
+    cases.iter().for_each(|(_, _, row)| {
+        if !names.contains(&row.name.as_str()) {
+            names.push(&row.name);
+        }
+    });
+    let by_error = |a: &&Case, b: &&Case| a.2.relative.total.total_cmp(&b.2.relative.total);
+    for name in names {
+        let of_name = || cases.iter().filter(|case| case.2.name == name);
+        let (Some(best), Some(worst)) = (of_name().min_by(by_error), of_name().max_by(by_error)) else {
             continue;
         };
-        let cell = |case: &(&Told, &Tried)| {
-            let row: &Row = &case.1.rows[i];
-            let (scene, light) = (case.0.chapter.name(), case.1.trial.light);
+        let cell = |(told, tried, row): &Case| {
+            let (scene, light) = (told.chapter.name(), tried.trial.light);
             format!("<td>{} %<td>{scene}, <code>{light}</code>", row.percent())
         };
         let _ = writeln!(text, "<tr><td>{name}{}{}</tr>", cell(best), cell(worst));
@@ -106,3 +118,6 @@ fn summary(told: &[Told]) -> String {
     text.push_str("</table>\n");
     text
 }
+
+/// A method under a light.
+type Case<'a> = (&'a Told, &'a Tried, &'a Row);

@@ -65,9 +65,7 @@ fn naive(asset: &Asset, direct: &[[f32; 3]]) -> Vec<[f64; 3]> {
         });
         let mut b = [r[0] / total[0], r[1] / total[1]];
         for _ in 0..STEPS {
-            for p in 0..2 {
-                b[p] = r[p] / total[p] + albedo[p] * (far(v + p) + near(v + p, &b)).max(0.0);
-            }
+            b = [0, 1].map(|p| r[p] / total[p] + albedo[p] * (far(v + p) + near(v + p, &b)).max(0.0));
         }
         for (i, out) in out.iter_mut().enumerate() {
             out[c] += far(i) + near(i, &b);
