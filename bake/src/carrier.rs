@@ -116,6 +116,7 @@ pub fn carrier(
         Pass { surface, sets: &sets, order: 0, seed: options.seed, stage: "patches", total, done: &done };
     let shares = patch_shares(&pass, &patch, n_patches, &area, progress)?;
     let bright = brightness(&shares, &patch, &area, lie.uniform, &rho);
+    let reached = reached(&shares, &patch, lie.uniform, n_patches);
     let mut far = shares.clone();
     let patches_near: Vec<Near> = far.par_chunks_mut(n_patches).map(take_near).collect();
     far.chunks_exact_mut(n_patches).for_each(|row| row.iter_mut().zip(&bright).for_each(|(f, b)| *f *= b));
@@ -136,6 +137,10 @@ pub fn carrier(
         }
         let mut shares = vec![0.0f32; n_patches];
         for_each_patch_hit(&pass, &patch, v, |p, share| shares[p] += share);
+        // The basis would leave a trace of light where none can come.
+        if shares.iter().zip(&reached).all(|(share, reached)| *share == 0.0 || !reached) {
+            return;
+        }
         let near = take_near(&mut shares);
         for (p, share) in shares.iter().enumerate().filter(|(_, s)| **s != 0.0) {
             row.iter_mut().zip(&basis[p * rank..][..rank]).for_each(|(out, q)| *out += share * q);
@@ -160,6 +165,23 @@ pub fn carrier(
     basis.chunks_exact_mut(rank).zip(&bright).for_each(|(row, b)| row.iter_mut().for_each(|q| *q /= b * b));
     let spread = spread(&shares, &basis, &rho, n_patches, rank, options.bounces);
     Ok(Carrier { patch, spread, gather, near_patch, near_share, n_patches, rank })
+}
+
+/// Whether light reaches each patch, over however many others.
+fn reached(shares: &[f32], patch: &[u16], uniform: &[f32], n: usize) -> Vec<bool> {
+    let mut reached = vec![false; n];
+    for (&p, _) in patch.iter().zip(uniform).filter(|(p, e)| **p != NO_PATCH && **e > 0.0) {
+        reached[usize::from(p)] = true;
+    }
+    loop {
+        let before = reached.clone();
+        let sees = |p: &usize| (0..n).any(|q| before[q] && shares[p * n + q] > 0.0);
+        let more: Vec<usize> = (0..n).into_par_iter().filter(|p| !before[*p] && sees(p)).collect();
+        if more.is_empty() {
+            return reached;
+        }
+        more.into_iter().for_each(|p| reached[p] = true);
+    }
 }
 
 /// Darkest that a patch is expected to be, as a share of the mean.
@@ -208,7 +230,7 @@ fn take_near(row: &mut [f32]) -> Near {
     near
 }
 
-/// Cuts the vertices into at most `most` patches, halving the heaviest along its widest extent in space and normal.
+/// Cuts the vertices into at most `most` patches, halving the one of most area times extent along its widest extent in space and normal.
 pub fn cut(scene: &Scene, area: &[f32], unlit: &[bool], most: usize) -> Vec<u16> {
     let (low, high) = scene.mesh.bounds();
     let weight = NORMAL_WEIGHT * (high - low).length();
@@ -217,20 +239,24 @@ pub fn cut(scene: &Scene, area: &[f32], unlit: &[bool], most: usize) -> Vec<u16>
         [p.x, p.y, p.z, n.x, n.y, n.z]
     };
     let all: Vec<usize> = (0..area.len()).filter(|&v| !unlit[v]).collect();
-    let weigh = |list: &[usize]| list.iter().map(|&v| f64::from(area[v])).sum::<f64>();
+    let extent = |list: &[usize], axis: usize| {
+        let values = list.iter().map(|&v| key(v)[axis]);
+        let (lo, hi) = values.fold((f32::MAX, f32::MIN), |(lo, hi), x| (lo.min(x), hi.max(x)));
+        if lo < hi { hi - lo } else { 0.0 }
+    };
+    // Wide ones before compact ones, so that a patch does not lie in two rooms.
+    let weigh = |list: &[usize]| {
+        let widest = (0..6).map(|axis| extent(list, axis)).fold(0.0, f32::max);
+        f64::from(widest) * list.iter().map(|&v| f64::from(area[v])).sum::<f64>()
+    };
     // The heaviest patch first; the number breaks ties, so that the order is the same everywhere.
     let mut heap = std::collections::BTreeMap::from([((weigh(&all).to_bits(), 0usize), all)]);
     let mut finished: Vec<Vec<usize>> = Vec::new();
     let mut next = 1;
     while heap.len() + finished.len() < most.min(usize::from(NO_PATCH)) {
         let Some((_, mut list)) = heap.pop_last() else { break };
-        let extent = |axis: usize| {
-            let values = list.iter().map(|&v| key(v)[axis]);
-            let (lo, hi) = values.fold((f32::MAX, f32::MIN), |(lo, hi), x| (lo.min(x), hi.max(x)));
-            hi - lo
-        };
-        let axis = (0..6).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0);
-        if list.len() < 2 || extent(axis) <= 0.0 {
+        let axis = (0..6).max_by(|&a, &b| extent(&list, a).total_cmp(&extent(&list, b))).unwrap_or(0);
+        if list.len() < 2 || extent(&list, axis) <= 0.0 {
             finished.push(list);
             continue;
         }

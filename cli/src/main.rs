@@ -28,6 +28,7 @@ use clap::error::ErrorKind;
 use args::{Arguments, Command};
 
 fn main() -> ExitCode {
+    end_with_the_pipe();
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => return refuse(&error),
@@ -77,4 +78,16 @@ fn refuse(error: &clap::Error) -> ExitCode {
     let line = lines.filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ");
     eprintln!("lunette: {} (see --help)", line.trim_start_matches("error: "));
     status
+}
+
+/// A reader that has seen enough (`lunette info FILE | head`) is no error: Rust's print panics there, and the command
+/// ends instead, as others do.
+fn end_with_the_pipe() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |info| {
+        if info.payload_as_str().is_some_and(|what| what.contains("Broken pipe")) {
+            std::process::exit(0);
+        }
+        usual(info);
+    }));
 }

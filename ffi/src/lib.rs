@@ -14,7 +14,7 @@
 //! let scene = scene.commit()?;
 //!
 //! let hit = scene.intersect(&Ray::new([0.2, 0.2, 1.0], [0.0, 0.0, -1.0]));
-//! assert_eq!(hit.map(|hit| hit.t), Some(1.0));
+//! assert!(hit.is_some_and(|hit| (hit.t - 1.0).abs() < 1e-6)); // processors divide by reciprocals that differ
 //! # Ok(())
 //! # }
 //! ```

@@ -40,11 +40,15 @@ fn instance_hit_names_instance_geometry_and_triangle() {
     assert_eq!(builder.add_instance(&inner, at(4.0)), Ok(2));
     let scene = builder.commit().expect("commit");
 
-    let ids = |ray| scene.intersect(&ray).map(|hit| (hit.instance, hit.geometry, hit.primitive, hit.t));
-    assert_eq!(ids(down_z_at(-4.0)), Some((Some(0), 1, 0, 9.0)));
-    assert_eq!(ids(down_z_at(4.0)), Some((Some(2), 1, 0, 9.0)));
+    let ids = |ray| {
+        let hit = scene.intersect(&ray)?;
+        assert!(is_nine(hit.t), "{}", hit.t);
+        Some((hit.instance, hit.geometry, hit.primitive))
+    };
+    assert_eq!(ids(down_z_at(-4.0)), Some((Some(0), 1, 0)));
+    assert_eq!(ids(down_z_at(4.0)), Some((Some(2), 1, 0)));
     assert_eq!(ids(down_z_at(0.0)), None);
-    assert_eq!(ids(Ray::new([0.0; 3], [0.0, -1.0, 0.0])), Some((None, 1, 0, 9.0)));
+    assert_eq!(ids(Ray::new([0.0; 3], [0.0, -1.0, 0.0])), Some((None, 1, 0)));
 }
 
 #[test]
@@ -56,8 +60,8 @@ fn instance_normal_is_in_world_space_by_every_road() {
 
     let ray = down_x_at(3.0);
     let single = scene.intersect(&ray).expect("hit");
-    // z turns to x; whole numbers, so that single precision is exact.
-    assert_eq!((single.t, single.normal), (9.0, [4.0, 0.0, 0.0]));
+    // z turns to x; whole numbers, so that single precision is exact but for the distance.
+    assert!(is_nine(single.t) && single.normal == [4.0, 0.0, 0.0], "{single:?}");
 
     let (mut packet, mut hits) = (Packet::<8>::default(), Hits::default());
     packet.set(5, &ray);
@@ -89,7 +93,8 @@ fn moved_instance_is_hit_where_it_went() {
         scene.set_instance_transform(number, quarter_turn_to([0.0, 0.0, z])).expect("move");
         assert!(!scene.occluded(&down_z_at(0.5)) && !scene.occluded(&down_x_at(z - 6.0)));
         let hit = scene.intersect(&down_x_at(z)).expect("hit");
-        assert_eq!((hit.t, hit.normal, hit.instance), (9.0, [4.0, 0.0, 0.0], Some(number)));
+        assert!(is_nine(hit.t), "{}", hit.t);
+        assert_eq!((hit.normal, hit.instance), ([4.0, 0.0, 0.0], Some(number)));
     }
 }
 
@@ -129,4 +134,10 @@ fn instance_with_bad_input_is_an_error() {
 
     let mut outer = SceneBuilder::new(&device).expect("scene");
     assert_eq!(outer.add_instance(&Arc::new(scene), IDENTITY), Err(Error::NestedInstance));
+}
+
+/// Embree divides by a reciprocal that the processor approximates, makers each in their way, and refines it: the last
+/// bits differ.
+fn is_nine(t: f32) -> bool {
+    (t - 9.0).abs() < 9.0 * 4.0 * f32::EPSILON
 }

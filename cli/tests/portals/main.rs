@@ -55,7 +55,7 @@ impl Folder {
 
     /// Light under an overcast sky, direct and bounced once, by vertices.
     fn lit(&self, scene: &str, options: &[&str]) -> Lit {
-        let effort = ["--bounces", "1", "--rank", "0", "--resolution", "16", "-o", "baked.safetensors"];
+        let effort = ["--bounces", "1", "--basis", "sh", "--resolution", "16", "-o", "baked.safetensors"];
         self.run(&[&["bake", scene], options, &effort].concat());
         self.run(&["relight", "baked.safetensors", "--light", "cie-overcast", "-o", "lit.safetensors"]);
         let bytes = std::fs::read(self.path("lit.safetensors")).expect("lit.safetensors");
@@ -167,20 +167,23 @@ fn hole_lights_the_room_as_its_pane_did() {
     assert!(listed.starts_with("opening") && !said.contains("elsewhere"), "{listed}{said}");
     let hole = folder.lit("hole.obj", &[]);
     assert_eq!(glass.position, hole.position);
+    // The pane lets 0.9 of the light through, and the hole all of it.
+    let paned = |light: &[[f32; 3]]| light.iter().map(|e| e.map(|x| 0.9 * x)).collect::<Vec<_>>();
+    let hole = Lit { direct: paned(&hole.direct), total: paned(&hole.total), ..hole };
     // The portal is the reveal's outer end instead of its middle, with the same light through it: 1.3 % of sampling
-    // noise, and 0.04 % in the mean. The pane lets 0.9 through, which is not in the baked rows.
+    // noise, and 0.04 % in the mean.
     let (off, ratio) = difference(&glass, &hole.direct, &glass.direct);
     assert!(off < 0.03 && (ratio - 1.0).abs() < 0.005, "{off} {ratio}");
-    // The outer half of the reveal is white and sends more in: 1.8 %.
+    // The outer half of the reveal sends light in by either: 0.1 % apart, the noise of bounced light.
     let (_, ratio) = difference(&glass, &hole.total, &glass.total);
-    assert!((1.0..1.04).contains(&ratio), "{ratio}");
+    assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
 }
 
 #[test]
 fn light_that_enters_elsewhere_is_said_by_bake() {
     let folder = Folder::new();
     folder.room();
-    let bake = ["bake", "--rays", "16", "--bounces", "0", "--rank", "0", "-o", "out.safetensors"];
+    let bake = ["bake", "--rays", "16", "--bounces", "0", "-o", "out.safetensors"];
     // A portal in the inner half of the window: the other half of its light enters elsewhere.
     let half = r#"{"format": "lunette-portals", "version": 1, "portals": [{"name": "half", "polygons":
         [[[-2.1, 1, -0.8], [-2.1, 1, 0], [-2.1, 2.2, 0], [-2.1, 2.2, -0.8]]]}]}"#;

@@ -5,6 +5,7 @@
 use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3, vec2, vec3};
+use lunette_bake::{PortalOptions, Silent, bake_portals};
 use lunette_relight::indirect::Indirect;
 use lunette_tests::baked::light;
 use lunette_tests::closed_form::{facing_rectangle, over_corners, upright_rectangle};
@@ -130,16 +131,38 @@ fn distance_to_a_window_may_go_to_nothing() {
 }
 
 #[test]
-fn room_with_its_only_portal_elsewhere_is_exactly_dark() {
+fn room_with_its_only_portal_elsewhere_is_refused_by_name() {
     // The pane stands free, a metre before the closed wall.
     let window = Window::square(1.0);
     let mut portal = window.portal("window");
     portal.triangles.iter_mut().flatten().for_each(|p| p.z -= 1.0);
     let interior = Interior { scene: room(None, 4).scene(), portals: vec![portal] };
+    let options = lunette_tests::interior::bounced_options();
+    let baked =
+        bake_portals(&interior.scene, &interior.portals, &options, &PortalOptions::default(), &Silent);
+    assert!(matches!(baked, Err(lunette_bake::Error::UnseenPortal(name)) if name == "window"));
+}
+
+#[test]
+fn closed_room_beside_a_lit_one_is_exactly_dark() {
+    // Two rooms that share nothing; the light of the first one's window is none of the second's.
+    let lit_room = room_with(Window::square(1.0), 4, 0.5);
+    let mut scene = lit_room.scene.clone();
+    let n_lit = scene.mesh.position.len();
+    let dark = room(None, 4).scene();
+    let shift = Vec3::new(100.0, 0.0, 0.0);
+    scene.mesh.position.extend(dark.mesh.position.iter().map(|p| *p + shift));
+    scene.mesh.normal.extend(&dark.mesh.normal);
+    scene.mesh.index.extend(dark.mesh.index.iter().map(|t| t.map(|v| v + n_lit as u32)));
+    scene.mesh.material.extend(&dark.mesh.material);
+    scene.mesh.group.extend(&dark.mesh.group);
+    let interior = Interior { scene, portals: lit_room.portals };
     let asset = interior.bake(&lunette_tests::interior::bounced_options());
     for indirect in [Indirect::Sh, Indirect::DirectToIndirect] {
-        let lit = lit(&asset, &light("uniform + cap:0,0.5,-1,0.2,50"), indirect);
-        assert_eq!(lit.total(), vec![Vec3::ZERO; asset.n_vertices()], "{indirect:?}");
+        let lit = lit(&asset, &light("uniform + cap:0,0.5,-1,0.2,50"), indirect).total();
+        assert!(lit[..n_lit].iter().any(|e| e.x > 0.1));
+        // Outer walls of the second room face nothing that is lit either.
+        assert_eq!(lit[n_lit..], vec![Vec3::ZERO; lit.len() - n_lit], "{indirect:?}");
     }
 }
 
