@@ -76,14 +76,15 @@ impl Carrier {
     }
 }
 
-/// Rays per vertex: half of those for shadows, but not fewer than this.
+/// Rays per vertex: as many as for shadows, but not fewer than this.
 const FEWEST_RAYS: usize = 256;
 
 /// Rays per vertex for the patch-to-patch shares; each patch averages over its vertices.
 const PATCH_RAYS: usize = 64;
 
-/// A patch that fills less of a view than this is not near: the basis holds it well enough.
-const LEAST_NEAR: f32 = 0.004;
+/// A patch that fills less of a view than this is not near: the basis holds it well enough, and a share of a few rays
+/// is noise that smoothing takes out of the rest of the row, and not of what is kept apart.
+const LEAST_NEAR: f32 = 0.03;
 
 /// Subspace iterations: singular values of form factors fall fast, two leave no more than sampling noise.
 const POWER_ITERATIONS: usize = 2;
@@ -109,7 +110,7 @@ pub fn carrier(
     let rho = mean_albedo(&patch, n_patches, &area, &albedo);
 
     let done = std::sync::atomic::AtomicU64::new(0);
-    let rays = (options.rays / 2).max(FEWEST_RAYS).next_multiple_of(LANES);
+    let rays = options.rays.max(FEWEST_RAYS).next_multiple_of(LANES);
     let total = (n_vertices * (PATCH_RAYS + rays)) as u64;
     let sets = HemisphereSets::new(PATCH_RAYS, hash(options.seed, 0xf0));
     let pass =
