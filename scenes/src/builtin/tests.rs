@@ -51,11 +51,8 @@ fn face_normal(mesh: &Mesh, t: &[u32; 3]) -> Vec3 {
 #[test]
 fn builtins_with_defaults_are_sound() {
     for builtin in list() {
-        let start = std::time::Instant::now();
         let scene = build(builtin.name).unwrap();
         assert_eq!(fault(&scene), None, "{}", builtin.name);
-        // Whoever types a name should not have to wait; measured are 2 to 40 ms.
-        assert!(start.elapsed().as_secs_f32() < 1.0, "{} took {:?}", builtin.name, start.elapsed());
         assert!(scene.groups.iter().chain(scene.materials.iter().map(|m| &m.name)).all(|n| !n.is_empty()));
     }
 }
