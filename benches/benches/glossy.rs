@@ -12,20 +12,20 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::Vec3;
-use lunette_bake::{Options, PortalOptions, Silent, bake_portals, mesh_asset};
+use lunette_bake::{Basis, Options, PortalOptions, Silent, bake_portals, mesh_asset};
 use lunette_benches::least;
 use lunette_relight::asset::Asset;
 use lunette_relight::glossy::{Glossy, HIGHEST_EXPONENT};
 use lunette_relight::indirect::Indirect;
 use lunette_relight::light::{Light, Sky, Source};
 use lunette_relight::portal_frame::PortalFrame;
-use lunette_relight::shell::Shell;
+use lunette_relight::shell::{Material, Shell};
 use lunette_render::{
     Backdrop, Camera, Gloss, Image, ReferenceOptions, Scale, Surface, Tracer, Visibility, auto_exposure,
-    capture, difference, error_picture, noise, read_image, reference_image, tone_map, trace, write_exr,
+    capture, difference, error_picture, noise, read_image, reference_image, seen_discs, tone_map, trace, write_exr,
     write_png,
 };
-use lunette_scenes::{Material, Portal, Scene, builtin, take_portals};
+use lunette_scenes::{Portal, Scene, builtin, take_portals};
 
 /// The room: 48,000 vertices; the paper's has 44,763.
 const SCENE: &str = "box-room:edge=0.08,gloss=0.4,exponent=10";
@@ -55,7 +55,9 @@ fn main() {
     let camera = Camera::new(Vec3::new(1.6, 1.35, 1.6), Vec3::new(-0.15, 0.65, -0.9), 58.0);
     let truths = CASES.map(|case| case.reference(&room, &portals, &camera));
     let started = Instant::now();
-    let options = Options { order: 4, indirect_order: 4, rays: 1024, bounces: BOUNCES, ..Options::default() };
+    let basis = vec![Basis::Sh, Basis::DirectToIndirect];
+    let options =
+        Options { basis, order: 4, indirect_order: 4, rays: 1024, bounces: BOUNCES, ..Options::default() };
     let (baked, _) =
         bake_portals(&room, &portals, &options, &PortalOptions::default(), &Silent).expect("a bake");
     println!("baked in {:.1} s", started.elapsed().as_secs_f64());
@@ -76,7 +78,7 @@ fn main() {
                 case: case.name,
             };
             frame.judge("glossy", Shine::Glossy, truth);
-            frame.judge("not aimed", Shine::Unaimed, truth);
+            frame.judge("sun in texels", Shine::Coarse, truth);
             frame.judge("diffuse alone", Shine::Matt, truth);
         }
     }
@@ -93,7 +95,7 @@ fn room() -> (Scene, Vec<Portal>) {
 /// the captured shell, in which here is only the sky.
 fn blacken_outside(room: &mut Scene, portals: &[Portal]) {
     let glass = portals[0].centre();
-    let black = Material { name: "outside".into(), albedo: Vec3::ZERO, ..Material::default() };
+    let black = lunette_scenes::Material { name: "outside".into(), albedo: Vec3::ZERO, ..Default::default() };
     room.materials.push(black);
     for (triangle, material) in room.mesh.index.iter().zip(&mut room.mesh.material) {
         let middle = triangle.iter().map(|&v| room.mesh.position[v as usize]).sum::<Vec3>() / 3.0;
@@ -176,8 +178,8 @@ fn rectangle(portals: &[Portal]) -> Vec<[Vec3; 3]> {
 #[derive(Clone, Copy, PartialEq)]
 enum Shine {
     Glossy,
-    /// As glossy, the sun in the middle of its texel.
-    Unaimed,
+    /// As glossy, the sun spread over its texels.
+    Coarse,
     Matt,
 }
 
@@ -211,6 +213,7 @@ impl Frame<'_> {
         let exposure = lunette_render::Exposure::Stops(auto_exposure(&truth.image));
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target");
         let name = format!("glossy-{}-{:?}-{name}", self.case, self.carried).replace(' ', "-");
+        write_exr(&folder.join(format!("{name}.exr")), &image).expect("a picture");
         let pictures = [("", &image), ("-reference", &truth.image)];
         for (suffix, picture) in pictures {
             let path = folder.join(format!("{name}{suffix}.png"));
@@ -226,10 +229,17 @@ impl Frame<'_> {
         let side = frame.resolution(0);
         let backdrop = Backdrop::new(self.light, side).expect("a backdrop");
         let mut texels = vec![[0.0; 3]; 6 * side * side];
+        let mut discs = Vec::new();
         for k in 0..frame.n_portals() {
+            // As the reference has it.
+            frame.set_material(k, Material::CLEAR);
             let centre = self.asset.metadata.shells[k + 1].centre.unwrap_or_default();
             capture(&backdrop, None, centre.into(), &mut texels).expect("a shell");
-            frame.set_shell(k, Shell::new(side, &texels).expect("a shell")).expect("the right side");
+            if shine != Shine::Coarse {
+                seen_discs(&backdrop, None, centre.into(), &mut discs);
+            }
+            let shell = Shell::new(side, &texels).expect("a shell");
+            frame.set_shell_with_discs(k, shell, &discs).expect("the right side");
         }
         let mut irradiance = vec![[0.0; 3]; self.asset.n_vertices()];
         let relit = least(ROUNDS, || frame.irradiance_parallel(&mut irradiance));
@@ -244,9 +254,6 @@ impl Frame<'_> {
             let eye = self.visibility.eye().to_array();
             let mut out = vec![[0.0; 3]; glossy.vertices().len()];
             let projected = least(ROUNDS, || glossy.project(&frame, &irradiance));
-            if shine == Shine::Glossy {
-                glossy.aim(&frame, self.light);
-            }
             let seen = least(ROUNDS, || glossy.radiance_parallel(eye, &mut out));
             let (texels, patches) = glossy.entries_per_vertex();
             println!(

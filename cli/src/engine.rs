@@ -11,7 +11,7 @@ use lunette_relight::indirect::Indirect;
 use lunette_relight::light::Light;
 use lunette_relight::portal_frame::PortalFrame;
 use lunette_relight::shell::{Shell, parse_material};
-use lunette_render::{Backdrop, Exterior, Pose, Surface, Track, capture};
+use lunette_render::{Backdrop, Exterior, Pose, Surface, Track, capture, seen_discs};
 
 use crate::args;
 use crate::moving::Moment;
@@ -213,6 +213,7 @@ impl<'a> Interior<'a> {
                 .map_err(|e| anyhow!("{e}"))?;
         }
         let mut backdrops: Vec<Backdrop> = Vec::new();
+        let mut discs = Vec::new();
         for (k, &centre) in self.centres.iter().enumerate() {
             let side = self.frame.resolution(k);
             if !backdrops.iter().any(|b| b.n() == side) {
@@ -222,8 +223,9 @@ impl<'a> Interior<'a> {
             let mut texels = vec![[0.0; 3]; 6 * side * side];
             let exterior = self.exterior.as_ref().map(|(e, _)| e);
             capture(backdrop, exterior, centre, &mut texels).map_err(|e| anyhow!("{e}"))?;
+            seen_discs(backdrop, exterior, centre, &mut discs);
             let shell = Shell::new(side, &texels).map_err(|e| anyhow!("{e}"))?;
-            self.frame.set_shell(k, shell).map_err(|e| anyhow!("{e}"))?;
+            self.frame.set_shell_with_discs(k, shell, &discs).map_err(|e| anyhow!("{e}"))?;
         }
         Ok(())
     }

@@ -47,17 +47,11 @@ impl Coat {
 
 /// Radiance that the glossy vertices add as seen from an eye, of all vertices, after an engine's last frame; empty where
 /// there are none. And what that took, for the line about the frame.
-pub fn specular(
-    engine: &mut Engine,
-    eye: Vec3,
-    irradiance: &[[f32; 3]],
-    light: &Light,
-) -> (Vec<Vec3>, String) {
+pub fn specular(engine: &mut Engine, eye: Vec3, irradiance: &[[f32; 3]]) -> (Vec<Vec3>, String) {
     let Some((glossy, frame)) = engine.glossy() else { return (Vec::new(), String::new()) };
     let mut lobes = vec![[0.0; 3]; glossy.vertices().len()];
     let started = Instant::now();
     glossy.project(frame, irradiance);
-    glossy.aim(frame, light);
     glossy.radiance_parallel(eye.to_array(), &mut lobes);
     let milliseconds = started.elapsed().as_secs_f64() * 1e3;
     let mut all = vec![Vec3::ZERO; irradiance.len()];
@@ -75,7 +69,7 @@ pub fn shade(
     irradiance: &[[f32; 3]],
     light: &Light,
 ) -> Result<Image> {
-    let (specular, _) = specular(engine, visibility.eye(), irradiance, light);
+    let (specular, _) = specular(engine, visibility.eye(), irradiance);
     let mut radiance = stage::radiance(surface, irradiance);
     radiance.iter_mut().zip(specular).for_each(|(r, s)| *r += s);
     stage::shade_radiance(visibility, surface, &radiance, light)

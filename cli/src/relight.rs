@@ -56,7 +56,7 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
         if let Some(studio) = &mut studio {
             let total = sum(&direct, &indirect);
             warn_of_ringing(&total);
-            let (specular, note) = glossy::specular(&mut engine, studio.eye(), &total, light);
+            let (specular, note) = glossy::specular(&mut engine, studio.eye(), &total);
             seen = note;
             let lit = Lit { light, total: &total, specular: &specular, products: &products, frame: (i, n) };
             let image = studio.shoot(&moment, &lit)?;
@@ -121,7 +121,7 @@ fn middle_exposure(
     let moment = moving.at(middle, n);
     let Evaluated { direct, indirect, products, .. } = engine.light(asset, light, &moment, (middle, n))?;
     let total = sum(&direct, &indirect);
-    let (specular, _) = glossy::specular(engine, studio.eye(), &total, light);
+    let (specular, _) = glossy::specular(engine, studio.eye(), &total);
     let lit = Lit { light, total: &total, specular: &specular, products: &products, frame: (middle, n) };
     Ok(auto_exposure(&studio.shoot(&moment, &lit)?))
 }

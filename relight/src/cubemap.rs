@@ -19,6 +19,7 @@ use std::ops::RangeInclusive;
 use glam::{Vec2, Vec3};
 
 mod disc;
+pub mod footprint;
 mod picture;
 mod project;
 mod sh_table;
@@ -105,7 +106,7 @@ fn box_solid_angle([x0, y0]: [f64; 2], [x1, y1]: [f64; 2]) -> f64 {
 }
 
 /// Face, and column and row on it.
-fn place(n: usize, texel: usize) -> (usize, [usize; 2]) {
+pub(crate) fn place(n: usize, texel: usize) -> (usize, [usize; 2]) {
     let (face, at) = (texel / (n * n), texel % (n * n));
     (face, [at % n, at / n])
 }

@@ -11,7 +11,8 @@
 //! in the light's unit. The matrix from light to outgoing directions is never multiplied out: its kernel is known, so
 //! that M\[j\] = ∫ V max(n·ω, 0) dω, steradians, and a direction ω_j are all there is to store, for any number of outgoing
 //! directions. Direct light takes M from the vertex's own row on the portal's cubemap, without a byte more: j is a
-//! texel. Bounced light comes from P patches of the surface: j is a patch that the vertex sees, in the mean direction
+//! texel. A small disc of the shell, a sun, shines sharper than a texel
+//! ([`PortalFrame::set_shell_with_discs`]): its lobe is that of its axis. Bounced light comes from P patches of the surface: j is a patch that the vertex sees, in the mean direction
 //! in which it sees it, and L\[j\] what the patch sends out diffusely under the irradiance of the moment, bounces of all
 //! orders included; so a sun, other glass and any number of portals need no other matrix.
 //!
@@ -33,7 +34,7 @@
 //!
 //! The last six are absent where no bounced light is baked.
 //!
-//! Where it breaks: the shadow of a sun is as soft as a texel, and a highlight with it; a patch shines evenly; other glossy surfaces
+//! Where it breaks: the shadow of a sun by what stands in the room is as soft as a texel; a patch shines evenly; other glossy surfaces
 //! are seen as diffuse ones of the same mean reflectance ([`mean_reflectance`]); and radiance between vertices is
 //! interpolated, so that a mesh must be fine where it curves.
 //!
@@ -48,17 +49,14 @@ use half::f16;
 
 use crate::asset::{Asset, Error};
 use crate::cubemap::{self, n_texels};
-use crate::light::Light;
-use crate::portal_frame::PortalFrame;
+use crate::portal_frame::{PortalFrame, Scratch};
 use crate::sparse::{Rows, decode};
 
-mod aim;
 mod lobe;
 mod matrix;
 #[cfg(test)]
 mod tests;
 
-use aim::Aims;
 pub use lobe::mean_reflectance;
 use lobe::{Entries, Lobe};
 pub(crate) use matrix::check;
@@ -77,18 +75,24 @@ pub struct Glossy<'a> {
     normal: &'a [[f32; 3]],
     direct: Vec<Direct>,
     bounced: Option<Bounced>,
-    aims: Aims,
+    beams: Vec<Beam>,
+    scratch: Scratch,
+}
+
+/// A small disc of light through a portal.
+struct Beam {
+    /// Towards it.
+    axis: Vec3,
+    /// By it, of each glossy vertex.
+    irradiance: Vec<Vec3>,
 }
 
 /// Rows of the glossy vertices on a portal's cubemap, texel by texel, and its light.
 struct Direct {
-    n: usize,
     start: Vec<u32>,
     weight: Vec<f32>,
     texel: Vec<u16>,
     directions: Vec<Vec4>,
-    /// Texels whose directions are not their middles.
-    moved: Vec<u16>,
     light: Vec<Vec4>,
 }
 
@@ -108,10 +112,9 @@ impl<'a> Glossy<'a> {
     /// When its tensors do not hold together, which an asset that was read cannot have.
     pub fn open(asset: &'a Asset<'a>) -> Result<Option<Glossy<'a>>, Error> {
         let Some(matrix) = Matrix::open(asset)? else { return Ok(None) };
-        let (mut direct, mut aims) = (Vec::new(), Aims::new());
+        let mut direct = Vec::new();
         while let Some(rows) = Rows::open(asset, &format!("portal.{}.direct", direct.len()))? {
             direct.push(Direct::unpack(&rows, matrix.vertex));
-            aims.reserve(rows.n());
         }
         let bounced = matrix.seen.as_ref().map(|seen| Bounced {
             weight: seen.weight.iter().map(|w| w.to_f32() * seen.scale).collect(),
@@ -120,7 +123,15 @@ impl<'a> Glossy<'a> {
             light: vec![Vec4::ZERO; seen.n_patches],
         });
         let (position, normal) = (asset.positions(), asset.normals());
-        Ok(Some(Glossy { matrix, position, normal, direct, bounced, aims }))
+        Ok(Some(Glossy {
+            matrix,
+            position,
+            normal,
+            direct,
+            bounced,
+            beams: Vec::new(),
+            scratch: Scratch::default(),
+        }))
     }
 
     /// The glossy vertices, rising.
@@ -129,17 +140,31 @@ impl<'a> Glossy<'a> {
     }
 
     /// Takes on the light behind the glass of all portals, and the irradiance of all vertices of the mesh, direct and
-    /// bounced together, of which patches send on. Does not allocate.
+    /// bounced together, of which patches send on. Allocates only for more small discs than ever before.
     ///
     /// # Panics
     /// When the frame is of another asset, or `irradiance` is not one value per vertex.
     pub fn project(&mut self, frame: &PortalFrame, irradiance: &[[f32; 3]]) {
         assert_eq!(frame.n_portals(), self.direct.len(), "a frame of the same asset");
+        let mut n_beams = 0;
         for (k, direct) in self.direct.iter_mut().enumerate() {
-            for (to, &[r, g, b]) in direct.light.iter_mut().zip(frame.texels(k)) {
+            let (texels, shafts) = frame.apart(k);
+            for (to, &[r, g, b]) in direct.light.iter_mut().zip(texels) {
                 *to = Vec4::new(r, g, b, 0.0);
             }
+            for shaft in shafts {
+                if self.beams.len() == n_beams {
+                    self.beams.push(Beam { axis: Vec3::Y, irradiance: Vec::new() });
+                }
+                let beam = &mut self.beams[n_beams];
+                beam.axis = shaft.axis();
+                beam.irradiance.clear();
+                let of = |&v: &u32| shaft.irradiance(v as usize, &mut self.scratch);
+                beam.irradiance.extend(self.matrix.vertex.iter().map(of));
+                n_beams += 1;
+            }
         }
+        self.beams.truncate(n_beams);
         let (Some(bounced), Some(seen)) = (&mut self.bounced, &self.matrix.seen) else { return };
         assert_eq!(irradiance.len(), bounced.share.len(), "one irradiance per vertex");
         bounced.light.fill(Vec4::ZERO);
@@ -147,20 +172,6 @@ impl<'a> Glossy<'a> {
             if let Some(light) = bounced.light.get_mut(usize::from(*patch)) {
                 *light += (*share * Vec3::from(*e)).extend(0.0);
             }
-        }
-    }
-
-    /// Tells of the light outside what a shell does not hold: where in a texel a sun or lamp is that is smaller than it.
-    /// To be called after the frame's shells were set; without it all light of a texel comes from its middle. Allocates
-    /// only for more than sixteen discs.
-    ///
-    /// # Panics
-    /// When the frame is of another asset.
-    pub fn aim(&mut self, frame: &PortalFrame, light: &Light) {
-        assert_eq!(frame.n_portals(), self.direct.len(), "a frame of the same asset");
-        self.aims.split(light);
-        for (k, direct) in self.direct.iter_mut().enumerate() {
-            self.aims.apply(frame, k, direct);
         }
     }
 
@@ -199,6 +210,9 @@ impl<'a> Glossy<'a> {
             let (weight, texel) = (&direct.weight[row.clone()], &direct.texel[row]);
             let entries = Entries { weight, direction: texel, source: texel };
             sum += lobe.sum(&entries, &direct.directions, &direct.light);
+        }
+        for beam in &self.beams {
+            sum += lobe.kernel(beam.axis) * beam.irradiance[g].extend(0.0);
         }
         if let (Some(bounced), Some(seen)) = (&self.bounced, &self.matrix.seen) {
             let row = seen.start[g] as usize..seen.start[g + 1] as usize;
@@ -242,9 +256,7 @@ impl Direct {
             start.push(weight.len() as u32);
         }
         let (directions, light) = (directions(n), vec![Vec4::ZERO; n_texels(n)]);
-        // A small disc touches four texels at most.
-        let moved = Vec::with_capacity(256);
-        Direct { n, start, weight, texel, directions, moved, light }
+        Direct { start, weight, texel, directions, light }
     }
 }
 

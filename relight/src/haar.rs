@@ -70,6 +70,22 @@ pub fn inverse<T: Value>(n: usize, coefficients: &[T], scratch: &mut [T], out: &
     }
 }
 
+/// Calls `met` with each coefficient that a texel of a face takes part in, and what of it the texel is worth: the row of
+/// the inverse for one texel.
+pub(crate) fn for_each_of_texel(n: usize, [column, row]: [usize; 2], mut met: impl FnMut(usize, f32)) {
+    let (mut side, mut column, mut row, mut weight) = (n, column, row, 1.0);
+    while side.is_multiple_of(2) {
+        side /= 2;
+        weight *= 0.5;
+        let [x, y] = [column, row].map(|i| if i.is_multiple_of(2) { weight } else { -weight });
+        (column, row) = (column / 2, row / 2);
+        met(side * side + row * side + column, y);
+        met(2 * side * side + column * side + row, x);
+        met(3 * side * side + row * side + column, x * y / weight);
+    }
+    met(row * side + column, weight);
+}
+
 /// 2 side x 2 side values -> side² means in place of them, and three times side² details.
 fn split_level<T: Value>(side: usize, values: &mut [T], details: &mut [T]) {
     let (across_rows, rest) = details.split_at_mut(side * side);
@@ -129,6 +145,21 @@ mod tests {
             for (a, b) in face.iter().zip(&back) {
                 // Six levels of sums of four values below one.
                 assert!((a - b).abs() < 1e-5, "{a} {b} at {n}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_texel_of_the_inverse_is_that_of_the_whole() {
+        for n in [8, 12, 32] {
+            let coefficients = noise(n * n);
+            let (mut scratch, mut whole) = (vec![0.0; n * n], vec![0.0; n * n]);
+            inverse(n, &coefficients, &mut scratch, &mut whole);
+            for (t, expected) in whole.iter().enumerate() {
+                let mut sum = 0.0;
+                for_each_of_texel(n, [t % n, t / n], |at, weight| sum += weight * coefficients[at]);
+                // Sixteen products below one.
+                assert!((sum - expected).abs() < 1e-5, "{sum} {expected} at {t} of {n}");
             }
         }
     }

@@ -23,16 +23,26 @@
 
 use std::fmt;
 
+use glam::Vec3;
 use half::f16;
 
 use crate::asset::{self, Asset};
-use crate::cubemap::{ShTable, n_texels};
+use crate::cubemap::{ShTable, add_disc, n_texels};
 use crate::dot;
 use crate::frame::Missing;
 use crate::indirect::{Carrier, Indirect};
+use crate::light::Cap;
 use crate::sh::MAX_COEFFICIENTS;
 use crate::shell::{Blur, Material, Shell, ShellError};
 use crate::sparse::{Rows, SparseLight};
+
+mod beam;
+
+pub(crate) use beam::Scratch;
+use beam::{Beam, Panes};
+
+/// Discs of a portal's light that it takes without an allocation.
+const DISCS: usize = 4;
 
 /// Why an asset cannot be lit through portals.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,6 +68,14 @@ struct PortalLight<'a> {
     rows: Rows<'a>,
     light: SparseLight,
     lit: Lit,
+    panes: Option<Panes<'a>>,
+    /// As many beams as there have ever been, of which the first `n_beams` are lit.
+    beams: Vec<Beam>,
+    n_beams: usize,
+    /// The discs of the shell, before the glass.
+    discs: Vec<Cap>,
+    /// What texels are without the beams.
+    rest: Vec<[f32; 3]>,
     bounced: Option<Bounced<'a>>,
     material: Material,
     blur: Option<Blur>,
@@ -98,7 +116,7 @@ impl<'a> PortalFrame<'a> {
             n_vertices: asset.n_vertices(),
         };
         while let Some(rows) = Rows::open(asset, &format!("portal.{}.direct", frame.portals.len()))? {
-            frame.add_portal(asset, rows);
+            frame.add_portal(asset, rows)?;
         }
         if frame.portals.is_empty() {
             return Err(PortalError::NoPortals);
@@ -111,7 +129,7 @@ impl<'a> PortalFrame<'a> {
         Ok(frame)
     }
 
-    fn add_portal(&mut self, asset: &'a Asset<'a>, rows: Rows<'a>) {
+    fn add_portal(&mut self, asset: &'a Asset<'a>, rows: Rows<'a>) -> Result<(), asset::Error> {
         let (k, n) = (self.portals.len(), rows.n());
         let shell = asset.metadata.shells.get(k + 1);
         let dark = vec![[0.0; 3]; n_texels(n)];
@@ -120,6 +138,11 @@ impl<'a> PortalFrame<'a> {
             name: shell.map_or_else(|| format!("portal {k}"), |shell| shell.name.clone()),
             light: SparseLight::new(n),
             lit: Lit::Dark,
+            panes: Panes::open(asset, k)?,
+            beams: Vec::new(),
+            n_beams: 0,
+            discs: Vec::with_capacity(DISCS),
+            rest: dark.clone(),
             bounced,
             material: Material { tint: shell.and_then(|s| s.tint).unwrap_or([1.0; 3]), ..Material::CLEAR },
             blur: None,
@@ -127,6 +150,7 @@ impl<'a> PortalFrame<'a> {
             captured: dark,
             rows,
         });
+        Ok(())
     }
 
     fn bounced(&mut self, asset: &'a Asset<'a>, name: &str, n: usize) -> Option<Bounced<'a>> {
@@ -232,11 +256,27 @@ impl<'a> PortalFrame<'a> {
     /// # Panics
     /// When there is no such portal.
     pub fn set_shell(&mut self, k: usize, shell: Shell) -> Result<(), ShellError> {
+        self.set_shell_with_discs(k, shell, &[])
+    }
+
+    /// As [`set_shell`](Self::set_shell), and tells which part of the shell's light comes from small discs, as a sun: of up
+    /// to 0.125 radians each then shines through the portal's own outline, and not through whole texels. Their light is
+    /// part of the shell, or what of it the portal's centre can see. Discs that are larger, or behind frosted glass, stay
+    /// in their texels.
+    ///
+    /// # Errors
+    /// As [`set_shell`](Self::set_shell).
+    ///
+    /// # Panics
+    /// When there is no such portal.
+    pub fn set_shell_with_discs(&mut self, k: usize, shell: Shell, discs: &[Cap]) -> Result<(), ShellError> {
         let portal = &mut self.portals[k];
         if shell.n() != portal.rows.n() {
             return Err(ShellError::Resolution { baked: portal.rows.n(), given: shell.n() });
         }
         portal.captured.copy_from_slice(shell.texels());
+        portal.discs.clear();
+        portal.discs.extend(discs.iter().filter(|disc| Beam::suits(disc)));
         portal.project(&self.tables);
         Ok(())
     }
@@ -249,7 +289,19 @@ impl<'a> PortalFrame<'a> {
         out.fill([0.0; 3]);
         for portal in self.portals.iter().filter(|p| p.lit == Lit::Bright) {
             portal.rows.add(first, &portal.light, out);
+            portal.add_beams(first, out);
         }
+    }
+
+    /// Light of portal `k` behind its glass without its beams, and those.
+    pub(crate) fn apart(&self, k: usize) -> (&[[f32; 3]], impl Iterator<Item = Shaft<'_>>) {
+        let portal = &self.portals[k];
+        let rest = if portal.n_beams > 0 { &portal.rest } else { &portal.texels };
+        let panes = portal.panes.as_ref();
+        let shafts = portal.beams[..portal.n_beams].iter().filter_map(move |beam| {
+            Some(Shaft { beam, panes: panes?, rows: &portal.rows, tint: portal.material.tint })
+        });
+        (rest, shafts)
     }
 
     /// Takes on the direct irradiance of all vertices, from which [`add_indirect`](Self::add_indirect) then carries
@@ -312,7 +364,68 @@ impl<'a> PortalFrame<'a> {
     }
 }
 
+/// That the outlines of all portals hold together.
+pub(crate) fn check(asset: &Asset) -> Result<(), asset::Error> {
+    (0..asset.metadata.shells.len()).try_for_each(|k| Panes::open(asset, k).map(|_| ()))
+}
+
+/// A beam of one portal.
+pub(crate) struct Shaft<'a> {
+    beam: &'a Beam,
+    panes: &'a Panes<'a>,
+    rows: &'a Rows<'a>,
+    tint: [f32; 3],
+}
+
+impl Shaft<'_> {
+    /// Direction to the disc.
+    pub fn axis(&self) -> Vec3 {
+        self.beam.axis()
+    }
+
+    /// Its irradiance of vertex `v`.
+    pub fn irradiance(&self, v: usize, scratch: &mut Scratch) -> Vec3 {
+        let transfer = self.beam.transfer(v, self.panes, self.rows, scratch);
+        transfer * self.beam.radiance() * Vec3::from(self.tint)
+    }
+}
+
 impl PortalLight<'_> {
+    /// Adds the beams' irradiance to the vertices from `first` on.
+    fn add_beams(&self, first: usize, out: &mut [[f32; 3]]) {
+        let Some(panes) = &self.panes else { return };
+        let mut scratch = Scratch::default();
+        for beam in &self.beams[..self.n_beams] {
+            let radiance = beam.radiance() * Vec3::from(self.material.tint);
+            for (v, out) in (first..).zip(&mut *out) {
+                let transfer = beam.transfer(v, panes, &self.rows, &mut scratch);
+                if transfer > 0.0 {
+                    *out = (Vec3::from(*out) + transfer * radiance).to_array();
+                }
+            }
+        }
+    }
+
+    /// Discs into beams, and `rest` without them.
+    fn project_beams(&mut self) {
+        let Some(panes) = self.panes.as_ref().filter(|_| self.blur.is_none()) else { return };
+        let n = self.rows.n();
+        if self.beams.len() < self.discs.len() {
+            self.beams.resize_with(self.discs.len(), Beam::new);
+        }
+        self.rest.fill([0.0; 3]);
+        for (beam, disc) in self.beams.iter_mut().zip(&self.discs) {
+            beam.set(disc, n, panes);
+            add_disc(n, disc, None, &mut self.rest);
+        }
+        self.n_beams = self.discs.len();
+        for (rest, texel) in self.rest.iter_mut().zip(&self.texels) {
+            // What rounding leaves of a sun may be below 0.
+            let without = Vec3::from(*texel) - Vec3::from(*rest) * Vec3::from(self.material.tint);
+            *rest = without.max(Vec3::ZERO).to_array();
+        }
+    }
+
     /// Captured shell -> through the glass -> into all bases.
     fn project(&mut self, tables: &[ShTable]) {
         match &mut self.blur {
@@ -328,10 +441,12 @@ impl PortalLight<'_> {
         }
         let is_dark = self.texels.as_flattened().iter().all(|l| *l == 0.0);
         self.lit = if is_dark { Lit::Dark } else { Lit::Bright };
+        self.n_beams = 0;
         if is_dark {
             return;
         }
-        self.light.set(&self.texels);
+        self.project_beams();
+        self.light.set(if self.n_beams > 0 { &self.rest } else { &self.texels });
         if let Some(bounced) = &mut self.bounced {
             tables[bounced.table].project(&self.texels, &mut bounced.light);
             for l in bounced.light[..bounced.n].as_flattened_mut() {

@@ -39,6 +39,7 @@ mod decode;
 mod dot;
 mod encode;
 mod light;
+mod probe;
 mod rows;
 mod store;
 #[cfg(test)]
@@ -49,6 +50,7 @@ mod x86;
 pub use decode::decode;
 pub use encode::{Choice, Encoder, Encoding, Row};
 pub use light::SparseLight;
+pub(crate) use probe::Probe;
 pub use rows::Rows;
 pub use store::{RowStore, TooLarge};
 

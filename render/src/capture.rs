@@ -121,6 +121,24 @@ pub fn capture(
     Ok(())
 }
 
+/// Writes the small discs of the light (radius below 0.2 radians) as far as they are seen from `centre`, their
+/// radiance multiplied by the part seen: what of a [`capture`] can be told to be sharper than its texels.
+pub fn seen_discs(backdrop: &Backdrop, exterior: Option<&Exterior>, centre: Vec3, discs: &mut Vec<Cap>) {
+    discs.clear();
+    for sun in &backdrop.suns {
+        let part = match exterior.filter(|exterior| exterior.n_objects() > 0) {
+            Some(exterior) => {
+                let samples = look_at_sun(exterior, centre, backdrop.n, sun);
+                samples.iter().filter(|s| s.1).count() as f32 / SUN_RAYS as f32
+            }
+            None => 1.0,
+        };
+        if part > 0.0 {
+            discs.push(Cap { radiance: sun.cap.radiance * part, ..sun.cap });
+        }
+    }
+}
+
 /// What is looked at, from where.
 struct View<'a> {
     backdrop: &'a Backdrop,
@@ -305,21 +323,26 @@ fn add_sun(sun: &Sun, visible: impl Fn(usize) -> f32, texels: &mut [[f32; 3]]) {
     }
 }
 
-/// Adds what the centre sees of a sun, texel by texel.
-fn add_seen_sun(view: &View, sun: &Sun, texels: &mut [[f32; 3]]) {
+/// Texel of each ray at a sun, and whether it gets there.
+fn look_at_sun(exterior: &Exterior, centre: Vec3, n: usize, sun: &Sun) -> [(usize, bool); SUN_RAYS] {
     let mut samples = [(0, false); SUN_RAYS];
     for (first, chunk) in samples.chunks_mut(LANES).enumerate() {
         let mut rays = Packet::<LANES>::default();
         for (lane, sample) in chunk.iter_mut().enumerate() {
             let u = hash::stratified_2d((first * LANES + lane) as u32, SUN_RAYS as u32, 0);
             let d = uniform_cap(sun.cap.axis, sun.cap.radius, u);
-            sample.0 = cubemap::texel_of(view.backdrop.n, d);
-            rays.set(lane, &Ray::new(view.centre.to_array(), d.to_array()));
+            sample.0 = cubemap::texel_of(n, d);
+            rays.set(lane, &Ray::new(centre.to_array(), d.to_array()));
         }
-        view.exterior.scene().occluded_packet(&Mask::all(), &mut rays);
+        exterior.scene().occluded_packet(&Mask::all(), &mut rays);
         chunk.iter_mut().enumerate().for_each(|(lane, sample)| sample.1 = !rays.is_occluded(lane));
     }
+    samples
+}
 
+/// Adds what the centre sees of a sun, texel by texel.
+fn add_seen_sun(view: &View, sun: &Sun, texels: &mut [[f32; 3]]) {
+    let samples = look_at_sun(view.exterior, view.centre, view.backdrop.n, sun);
     // A texel that hardly touches the disc may have no ray: it then goes with the whole.
     let visible = |is_counted: &dyn Fn(usize) -> bool| {
         let counted = samples.iter().filter(|s| is_counted(s.0));

@@ -32,7 +32,7 @@ mod tracer;
 mod visibility;
 
 pub use camera::Camera;
-pub use capture::{Backdrop, capture};
+pub use capture::{Backdrop, capture, seen_discs};
 pub use error::Error;
 pub use exterior::{Exterior, Overlap, Pose, Track};
 pub use false_colour::{NARROWEST, Scale, count_picture, error_picture, viridis};

@@ -15,10 +15,11 @@ mod orient;
 mod outside;
 mod resume;
 
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::Vec3;
-use lunette_relight::asset::{Asset, Shell};
+use lunette_relight::asset::{Asset, Data, Shell};
 use lunette_relight::cubemap::n_texels;
 use lunette_relight::sparse::{Rows, SparseLight};
 use lunette_scenes::{Portal, Scene};
@@ -208,6 +209,7 @@ impl Work<'_> {
         report: &mut PortalReport,
     ) -> Result<(), Error> {
         let prefix = format!("portal.{k}.direct");
+        self.insert_panes(k, asset);
         if let Some(earlier) = self.earlier {
             resume::copy(earlier, &prefix, asset);
             return Ok(());
@@ -252,6 +254,26 @@ impl Work<'_> {
             100.0 * worst
         ));
         store.insert_into(asset, &prefix, n).map_err(|e| Error::TooLarge(e.to_string()))
+    }
+
+    /// Where portal `k` is, and which vertices see the sky past it.
+    fn insert_panes(&self, k: usize, asset: &mut Asset<'static>) {
+        let polygons = self.portals[k].convex_polygons();
+        let mut start = vec![0];
+        start.extend(polygons.iter().scan(0, |end, polygon| {
+            *end += polygon.len() as u32;
+            Some(*end)
+        }));
+        let corners: Vec<f32> = polygons.iter().flatten().flat_map(|c| c.to_array()).collect();
+        let n_vertices = self.scene.mesh.position.len();
+        let source = self.donors.sources(n_vertices);
+        let is_open = |&v: &usize| !self.unlit[v] && self.owners[source[v]] == k as u32;
+        let open: Vec<u32> = (0..n_vertices).filter(is_open).map(|v| v as u32).collect();
+        let mut insert =
+            |part: &str, shape: &[usize], data| asset.insert(&format!("portal.{k}.{part}"), shape, data);
+        insert("corner", &[corners.len() / 3, 3], Data::F32(Cow::Owned(corners)));
+        insert("polygon", &[start.len()], Data::U32(Cow::Owned(start)));
+        insert("open", &[open.len()], Data::U32(Cow::Owned(open)));
     }
 
     /// What the rows of portal `k` make of a light on its shell, three colours at a time.

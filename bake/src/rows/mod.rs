@@ -6,7 +6,7 @@
 //! of all portals. One endless shadow ray answers for the inside and for backward occlusion outside, as portals block
 //! nothing.
 //!
-//! The share of each texel that the opening covers is known exactly ([`footprint`]), so that rays are spent on what is
+//! The share of each texel that the opening covers is known exactly ([`footprint`](lunette_relight::cubemap::footprint)), so that rays are spent on what is
 //! in the way alone: T = Σ over openings F (Σ w V / Σ w), with a few stratified rays within each piece, and more where
 //! a piece or its neighbour is seen in part. Where nothing is in the way the row is exact, however small or near the
 //! window, on its very plane too.
@@ -17,16 +17,15 @@
 //! section 4.1.2, which samples directions, or points of the portal, and sorts the rays into texels: here each texel
 //! samples its own part of the portal, which has less variance than either.
 
-mod footprint;
 mod store;
 
 use glam::{Vec2, Vec3};
 use lunette_ffi as ffi;
+use lunette_relight::cubemap::footprint::{Cell, Eye, Footprint};
 
 use crate::Surface;
 use crate::portal::Gates;
 use crate::sampling::{LANES, fractions, hash};
-use footprint::{Cell, Eye, Footprint};
 pub use store::{Stage, encode};
 
 /// Rays of a vertex, in the mean, that look for what is in the way.

@@ -79,6 +79,7 @@ pub fn tensors(asset: &Asset) -> Result<(), Error> {
         ));
     }
     sparse_rows(asset)?;
+    crate::portal_frame::check(asset)?;
     patches(asset)?;
     crate::glossy::check(asset)?;
     match asset.triangles().as_flattened().iter().position(|&v| v as usize >= n_vertices) {

@@ -43,6 +43,11 @@ impl Lobe {
         (self.exponent + 2.0) / (2.0 * PI) as f32
     }
 
+    /// max(r·ω, 0)^e.
+    pub fn kernel(&self, direction: Vec3) -> f32 {
+        self.r.truncate().dot(direction).max(0.0).powf(self.exponent)
+    }
+
     /// Σ weight light max(r·ω, 0)^e.
     ///
     /// # Panics

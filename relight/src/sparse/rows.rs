@@ -8,13 +8,13 @@ use crate::cubemap;
 #[derive(Clone, Debug)]
 pub struct Rows<'a> {
     n: usize,
-    start: &'a [u32],
+    pub(super) start: &'a [u32],
     /// First run of each row, and the number of all: not in the file, since the lengths of the runs say it.
-    first_run: Vec<u32>,
-    runs: &'a [[u8; 2]],
-    value: &'a [u8],
-    scale: &'a [f32],
-    basis: &'a [u8],
+    pub(super) first_run: Vec<u32>,
+    pub(super) runs: &'a [[u8; 2]],
+    pub(super) value: &'a [u8],
+    pub(super) scale: &'a [f32],
+    pub(super) basis: &'a [u8],
 }
 
 impl<'a> Rows<'a> {

@@ -10,7 +10,8 @@
 //! Based on: J. H. Lambert, Photometria, 1760; I. Sutherland and G. Hodgman, Reentrant Polygon Clipping, 1974.
 
 use glam::{DVec3, Vec2, Vec3};
-use lunette_relight::cubemap::face_axes;
+
+use super::face_axes;
 
 /// Nearest that a clipped polygon comes to the eye, as a share of its own distance scale.
 const NEAR: f32 = 1e-6;
@@ -21,8 +22,9 @@ const LEAST: f32 = 1e-10;
 /// A part of one opening within one texel.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
+    /// Of the cubemap.
     pub texel: usize,
-    /// Of the list of openings.
+    /// As it was numbered.
     pub polygon: usize,
     /// Exact cosine-weighted solid angle, sr.
     pub worth: f32,
@@ -31,8 +33,9 @@ pub struct Cell {
 }
 
 /// The cells about one point; reused from point to point.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Footprint {
+    /// In the order in which they were added.
     pub cells: Vec<Cell>,
     points: Vec<Vec2>,
     /// Where clipping goes on.
@@ -42,15 +45,18 @@ pub struct Footprint {
 }
 
 /// The point that looks, and the resolution.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Eye {
+    /// Metres.
     pub origin: Vec3,
+    /// Of unit length.
     pub normal: Vec3,
     /// Texels on a side of a face.
     pub n: usize,
 }
 
 impl Footprint {
+    /// Forgets all cells.
     pub fn clear(&mut self) {
         self.cells.clear();
         self.points.clear();
@@ -145,10 +151,15 @@ impl Footprint {
         }
     }
 
+    /// Corners of a cell on its face, -1..=1 along columns and rows.
+    pub fn points(&self, cell: &Cell) -> &[Vec2] {
+        &self.points[cell.start..cell.end]
+    }
+
     /// A direction within a cell, u uniform over 0..1 each, and its weight: the mean over many of weight times a
     /// function's value, over the mean weight, is the function's cosine-weighted mean over the cell.
     pub fn sample(&self, eye: &Eye, cell: &Cell, u: Vec2) -> (Vec3, f32) {
-        let p = within(&self.points[cell.start..cell.end], u);
+        let p = within(self.points(cell), u);
         let [axis, s, t] = face_axes(cell.texel / (eye.n * eye.n));
         let d = axis + p.x * s + p.y * t;
         let square = d.length_squared();
@@ -198,20 +209,25 @@ impl Point for Vec3 {
 
 /// Lambert's formula for a polygon in a face's plane at distance 1, sr.
 fn worth(polygon: &[Vec2], normal: DVec3) -> f32 {
+    normal.dot(vector_area(polygon)).abs() as f32
+}
+
+/// ± ∫ ω dω over a polygon in a face's plane at distance 1, in the face's coordinates.
+pub(crate) fn vector_area(polygon: &[Vec2]) -> DVec3 {
     let corner = |p: Vec2| p.extend(1.0).as_dvec3();
-    let Some(last) = polygon.last() else { return 0.0 };
+    let mut sum = DVec3::ZERO;
+    let Some(last) = polygon.last() else { return sum };
     let mut p = corner(*last);
-    let mut sum = 0.0;
     for q in polygon {
         let q = corner(*q);
         let cross = p.cross(q);
         let sine = cross.length();
         if sine > 0.0 {
-            sum += sine.atan2(p.dot(q)) / sine * normal.dot(cross);
+            sum += cross * (sine.atan2(p.dot(q)) / sine);
         }
         p = q;
     }
-    (0.5 * sum.abs()) as f32
+    0.5 * sum
 }
 
 /// A uniform point of a convex polygon: a triangle of its fan by area, then a point of that.
@@ -232,7 +248,7 @@ fn within(polygon: &[Vec2], u: Vec2) -> Vec2 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lunette_relight::cubemap;
+    use crate::cubemap;
 
     const TRIANGLES: [[Vec3; 3]; 3] = [
         [Vec3::new(1.0, 0.2, 0.1), Vec3::new(1.0, 2.0, -0.4), Vec3::new(-0.7, 1.0, 1.5)],
@@ -291,7 +307,7 @@ mod tests {
         for cell in &footprint.cells {
             // The mean of a linear function, weighted, against its closed form by the weights alone: here only that
             // samples stay inside, and that the weights' mean times the area is the worth.
-            let points = &footprint.points[cell.start..cell.end];
+            let points = footprint.points(cell);
             let area: f32 = (1..points.len() - 1)
                 .map(|i| 0.5 * (points[i] - points[0]).perp_dot(points[i + 1] - points[0]))
                 .sum();

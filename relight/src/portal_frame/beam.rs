@@ -1,0 +1,571 @@
+//! Small discs of light through a portal, a sun above all, sharper than the texels of its cubemap.
+//!
+//! A row says how much of a texel's light arrives, not from where in the texel. Two things are known besides. The
+//! portal's own rim: seen from a vertex, a convex polygon is the cone within the planes through the vertex and the
+//! polygon's edges, so that the portal's part of texel t, and what all of it would send, can be worked out:
+//! F\[t\] = ∫ over t ∩ portal of max(n·ω, 0) dω. And the row: T/F is the share of that part which nothing hides. Where
+//! it lies between 0 and 1, the edge of the shadow is taken for a straight line that leaves this share on its lit
+//! side, and that lies across the way in which the shares of the texels around grow. Then
+//!
+//! ```text
+//! E = L Σ over texels t of ∫ over disc ∩ t ∩ portal ∩ lit side of max(n·ω, 0) dω
+//! ```
+//!
+//! Vertices that the disc cannot reach are told by their place across the beam, in a grid of which each cell knows its
+//! polygons; the others' rows are read at the few texels that the disc touches and around them.
+//!
+//! Where it breaks: shadows whose edge bends within a texel, or that have two; bars and leaves finer than
+//! texels dim the disc evenly; a share within
+//! [`ROUNDING`] of nothing or of all counts as that, since rows are rounded; integrals over cut texels take the middle
+//! for the mean, which is 1e-3 off at 32 texels on a side and 1e-2 at 8.
+//!
+//! Based on: D. L. Youngs, Time-Dependent Multi-Material Flow with Large Fluid Distortion, 1982 (edges from shares).
+
+use std::f32::consts::PI;
+use std::ops::Range;
+
+use glam::{Vec2, Vec3};
+
+use crate::asset::{Asset, Data, Error};
+use crate::cubemap::footprint::{Eye, Footprint, vector_area};
+use crate::cubemap::{face_axes, place};
+use crate::light::Cap;
+use crate::sparse::{Basis, Probe, Rows};
+
+/// Discs of a larger radius than this, radians, are left to the texels, against which they are broad.
+const LARGEST: f32 = 0.125;
+
+/// Corners of the polygon that stands for a disc.
+const CORNERS: usize = 24;
+
+/// Cells along a side of the grid across a beam.
+const GRID: usize = 64;
+
+/// A share of what is visible that is this near to 0 or 1 is taken for it: what rows lose of a texel, in pulses and in
+/// wavelets, of which small ones are dropped.
+const ROUNDING: [f32; 2] = [0.02, 0.06];
+
+/// How much shares grow from texel to texel, below which there is no edge, but bars or leaves; and above which there is
+/// one: across a straight edge they grow by 0.5.
+const GROWTH: (f32, f32) = (0.1, 0.3);
+
+/// Steps by which the line is found that leaves a given share: to 1/1024 of a texel.
+const HALVINGS: usize = 10;
+
+/// A vertex nearer to a polygon's plane than this part of its size sees nothing through it.
+const LEVEL: f32 = 1e-5;
+
+/// Points that a cut polygon has at most.
+const MOST_POINTS: usize = 64;
+
+/// Where a portal is, and what its rows are of.
+#[derive(Clone)]
+pub struct Panes<'a> {
+    polygons: Vec<Pane<'a>>,
+    /// Vertices outside, which see the sky past the portal; rising.
+    open: &'a [u32],
+    position: &'a [[f32; 3]],
+    normal: &'a [[f32; 3]],
+    /// No two vertices are farther apart, metres.
+    size: f32,
+}
+
+/// A convex polygon.
+#[derive(Clone)]
+struct Pane<'a> {
+    corners: &'a [[f32; 3]],
+    centre: Vec3,
+    normal: Vec3,
+    /// No corner is farther from the centre.
+    radius: f32,
+}
+
+/// A disc through a portal.
+pub struct Beam {
+    disc: Cap,
+    /// Those that the disc touches, then those around them on the same face.
+    pieces: Vec<Piece>,
+    n_touched: usize,
+    points: Vec<Vec2>,
+    probe: Probe,
+    /// Across the beam.
+    axes: [Vec3; 2],
+    low: Vec2,
+    cells_per_metre: Vec2,
+    /// Which polygons may be seen before the disc's texels from a cell: polygon i by bit i % 64.
+    grid: Vec<u64>,
+    footprint: Footprint,
+    /// Cosine below which a direction is in no texel of the disc.
+    reach: f32,
+}
+
+/// A texel, and the part of the disc in it.
+#[derive(Clone, Debug)]
+struct Piece {
+    texel: usize,
+    face: usize,
+    column: usize,
+    row: usize,
+    axes: [Vec3; 3],
+    corners: [Vec2; 4],
+    /// Of the disc's part.
+    points: Range<usize>,
+    /// ∫ ω dω over the texel and the disc's part of it.
+    whole: Vec3,
+    part: Vec3,
+}
+
+impl<'a> Panes<'a> {
+    /// The polygons of portal `k`; `None` where the asset has none.
+    ///
+    /// # Errors
+    /// When its tensors do not hold together.
+    pub fn open(asset: &'a Asset<'a>, k: usize) -> Result<Option<Panes<'a>>, Error> {
+        let names = ["corner", "polygon", "open"].map(|part| format!("portal.{k}.{part}"));
+        let wrong = |i: usize, what: &str| Error::Tensor { name: names[i].clone(), what: what.to_string() };
+        let Some(corner) = asset.tensor(&names[0]) else { return Ok(None) };
+        let Data::F32(corner) = &corner.data else { return Err(wrong(0, "not F32")) };
+        let corner = bytemuck::try_cast_slice(corner).map_err(|_| wrong(0, "not three numbers each"))?;
+        let words = |i: usize| match asset.tensor(&names[i]).map(|t| &t.data) {
+            Some(Data::U32(values)) => Ok(&values[..]),
+            _ => Err(wrong(i, "missing, or not U32")),
+        };
+        let (start, open) = (words(1)?, words(2)?);
+        let fits = start.first() == Some(&0) && start.last().is_some_and(|&n| n as usize == corner.len());
+        if !fits || start.windows(2).any(|w| w[1] < w[0].saturating_add(3)) {
+            return Err(wrong(1, "not a list from 0 to the number of corners that rises by at least 3"));
+        }
+        if !open.is_sorted() || open.last().is_some_and(|&v| v as usize >= asset.n_vertices()) {
+            return Err(wrong(2, "not a rising list of vertices"));
+        }
+        let polygons = start.windows(2).map(|w| Pane::new(&corner[w[0] as usize..w[1] as usize])).collect();
+        let (low, high) = asset.positions().iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| {
+            (l.min(Vec3::from(*p)), h.max(Vec3::from(*p)))
+        });
+        let (position, normal) = (asset.positions(), asset.normals());
+        Ok(Some(Panes { polygons, open, position, normal, size: (high - low).length() }))
+    }
+}
+
+impl<'a> Pane<'a> {
+    fn new(corners: &'a [[f32; 3]]) -> Pane<'a> {
+        let at = |i: usize| Vec3::from(corners[i % corners.len()]);
+        let n = corners.len();
+        let centre = (0..n).map(at).sum::<Vec3>() / n as f32;
+        let normal = (0..n).map(|i| (at(i) - centre).cross(at(i + 1) - centre)).sum::<Vec3>();
+        let radius = (0..n).map(|i| at(i).distance(centre)).fold(0.0, f32::max);
+        Pane { corners, centre, normal: normal.normalize_or_zero(), radius }
+    }
+
+    /// Calls `met` with the normals, of any length and towards the inside, of the planes that bound the polygon as seen
+    /// from `p`; not at all where `p` lies in its plane.
+    fn for_each_side(&self, p: Vec3, mut met: impl FnMut(Vec3)) -> bool {
+        let height = self.normal.dot(self.centre - p);
+        if height.abs() <= LEVEL * self.radius {
+            return false;
+        }
+        let Some(last) = self.corners.last() else { return false };
+        let mut a = Vec3::from(*last) - p;
+        for b in self.corners {
+            let b = Vec3::from(*b) - p;
+            let side = a.cross(b);
+            met(if height > 0.0 { side } else { -side });
+            a = b;
+        }
+        true
+    }
+}
+
+impl Beam {
+    /// A beam of no light.
+    pub fn new() -> Beam {
+        Beam {
+            disc: Cap { axis: Vec3::Y, radius: 0.0, radiance: Vec3::ZERO },
+            pieces: Vec::new(),
+            n_touched: 0,
+            points: Vec::new(),
+            probe: Probe::default(),
+            axes: [Vec3::X, Vec3::Z],
+            low: Vec2::ZERO,
+            cells_per_metre: Vec2::ZERO,
+            grid: vec![0; GRID * GRID],
+            footprint: Footprint::default(),
+            reach: 1.0,
+        }
+    }
+
+    /// Whether a disc is better off as a beam.
+    pub fn suits(disc: &Cap) -> bool {
+        disc.radius <= LARGEST && disc.radius > 0.0 && disc.radiance != Vec3::ZERO
+    }
+
+    /// Takes on a disc that shines through the panes of a portal of `n` x `n` x 6 texels.
+    pub fn set(&mut self, disc: &Cap, n: usize, panes: &Panes) {
+        self.disc = *disc;
+        self.cut(n);
+        self.probe.set(n, self.pieces.iter().map(|piece| piece.texel));
+        self.spread(panes);
+    }
+
+    /// Radiance of the disc; to be multiplied by the glass.
+    pub fn radiance(&self) -> Vec3 {
+        self.disc.radiance
+    }
+
+    /// Direction to the disc.
+    pub fn axis(&self) -> Vec3 {
+        self.disc.axis
+    }
+
+    /// Cuts the disc into texels.
+    fn cut(&mut self, n: usize) {
+        let axis = self.disc.axis;
+        let (s, t) = axis.any_orthonormal_pair();
+        let step = 2.0 * PI / CORNERS as f32;
+        // As large as the disc: N/2 sin(2π/N) r² = π tan² radius.
+        let radius = self.disc.radius.tan() * (step / step.sin()).sqrt();
+        let corners: [Vec3; CORNERS] = std::array::from_fn(|i| {
+            let (sine, cosine) = (i as f32 * step).sin_cos();
+            axis + radius * (cosine * s + sine * t)
+        });
+        self.footprint.clear();
+        self.footprint.add_polygon(&Eye { origin: Vec3::ZERO, normal: axis, n }, 0, &corners);
+        self.pieces.clear();
+        self.points.clear();
+        for cell in &self.footprint.cells {
+            let first = self.points.len();
+            self.points.extend(self.footprint.points(cell));
+            let (face, [column, row]) = place(n, cell.texel);
+            self.pieces.push(Piece::new(n, [face, column, row], &self.points, first..self.points.len()));
+        }
+        // What rounding and the corners have left: the vector of a disc is π sin² radius along its axis.
+        let found = self.pieces.iter().map(|piece| piece.part).sum::<Vec3>().dot(axis);
+        let scale = PI * self.disc.radius.sin().powi(2) / found.max(f32::MIN_POSITIVE);
+        self.pieces.iter_mut().for_each(|piece| piece.part *= scale);
+        self.n_touched = self.pieces.len();
+        for i in 0..self.n_touched {
+            let (face, column, row) = (self.pieces[i].face, self.pieces[i].column, self.pieces[i].row);
+            for (x, y) in (0..9).map(|k| (column + k % 3, row + k / 3)) {
+                let is_on_face = (1..=n).contains(&x) && (1..=n).contains(&y);
+                let is_here = |p: &Piece| (p.face, p.column + 1, p.row + 1) == (face, x, y);
+                if is_on_face && !self.pieces.iter().any(is_here) {
+                    self.pieces.push(Piece::new(n, [face, x - 1, y - 1], &self.points, 0..0));
+                }
+            }
+        }
+        let corners = self.pieces.iter().flat_map(|p| p.corners.map(|c| (p.axes, c)));
+        let cosine = corners.map(|(a, c)| (a[0] + c.x * a[1] + c.y * a[2]).normalize().dot(axis));
+        self.reach = cosine.fold(1.0, f32::min);
+    }
+
+    /// Fills the grid.
+    fn spread(&mut self, panes: &Panes) {
+        let (u, v) = self.disc.axis.any_orthonormal_pair();
+        self.axes = [u, v];
+        self.grid.fill(0);
+        let flat = |p: Vec3| Vec2::new(p.dot(u), p.dot(v));
+        // Farther than this from a polygon, across, none of its light in these texels arrives.
+        let reach = self.reach.clamp(0.1, 1.0);
+        let aside = panes.size * (1.0 - reach * reach).sqrt() / reach;
+        let extent = |pane: &Pane| (flat(pane.centre), pane.radius + aside);
+        let (low, high) = panes
+            .polygons
+            .iter()
+            .map(extent)
+            .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), (centre, radius)| {
+                (low.min(centre - radius), high.max(centre + radius))
+            });
+        self.low = low;
+        self.cells_per_metre = GRID as f32 / (high - low).max(Vec2::splat(f32::MIN_POSITIVE));
+        for (i, pane) in panes.polygons.iter().enumerate() {
+            let (centre, radius) = extent(pane);
+            let [from, to] = [centre - radius, centre + radius].map(|p| {
+                ((p - low) * self.cells_per_metre).clamp(Vec2::ZERO, Vec2::splat(GRID as f32 - 1.0))
+            });
+            for y in from.y as usize..=to.y as usize {
+                for x in from.x as usize..=to.x as usize {
+                    self.grid[y * GRID + x] |= 1 << (i % 64);
+                }
+            }
+        }
+    }
+
+    /// Bits of the polygons that may matter at `p`.
+    fn candidates(&self, p: Vec3) -> u64 {
+        let [u, v] = self.axes;
+        let at = (Vec2::new(p.dot(u), p.dot(v)) - self.low) * self.cells_per_metre;
+        let is_inside = at.cmpge(Vec2::ZERO).all() && at.cmplt(Vec2::splat(GRID as f32)).all();
+        if is_inside { self.grid[at.y as usize * GRID + at.x as usize] } else { 0 }
+    }
+
+    /// E = L x this of vertex `v`, steradians.
+    pub fn transfer(&self, v: usize, panes: &Panes, rows: &Rows, scratch: &mut Scratch) -> f32 {
+        let (p, n) = (Vec3::from(panes.position[v]), Vec3::from(panes.normal[v]));
+        if n.dot(self.disc.axis) <= -self.disc.radius.sin() {
+            return 0.0;
+        }
+        scratch.clear();
+        if panes.open.binary_search(&(v as u32)).is_ok() {
+            scratch.begin();
+        } else {
+            let bits = self.candidates(p);
+            if bits == 0 || !self.find(p, bits, panes, scratch) {
+                return 0.0;
+            }
+        }
+        scratch.texels.resize(self.pieces.len(), 0.0);
+        rows.probe(v, &self.probe, &mut scratch.texels);
+        let rounding = ROUNDING[usize::from(rows.basis(v) == Basis::Haar)];
+        let mut sum = 0.0;
+        for (i, piece) in self.pieces[..self.n_touched].iter().enumerate() {
+            let t = scratch.texels[i];
+            if t > 0.0 {
+                let (whole, part) = self.portal_part(piece, n, scratch);
+                let share = t / whole.max(f32::MIN_POSITIVE);
+                if share > 1.0 - rounding {
+                    sum += part;
+                } else if share > rounding {
+                    sum += self.lit_part((i, part), n, share, scratch);
+                }
+            }
+        }
+        sum
+    }
+
+    /// Of a texel and of the disc's part in it what lies within the portal.
+    fn portal_part(&self, piece: &Piece, normal: Vec3, scratch: &Scratch) -> (f32, f32) {
+        scratch.cones.iter().fold((0.0, 0.0), |(whole, part), cone| {
+            match self.cut_piece(piece, normal, &scratch.sides[cone.clone()]) {
+                Within::None => (whole, part),
+                Within::All => (whole + normal.dot(piece.whole), part + normal.dot(piece.part)),
+                Within::Cut(w, p) => {
+                    let horizon = piece.flat(normal);
+                    (whole + w.worth(horizon), part + p.worth(horizon))
+                }
+            }
+        })
+    }
+
+    /// What of the disc's `part` in texel `i` lies on the lit side of the shadow's edge, as a `share` of the texel does;
+    /// that share of it where the texels around do not tell which side is lit.
+    fn lit_part(&self, (i, part): (usize, f32), normal: Vec3, share: f32, scratch: &Scratch) -> f32 {
+        let piece = &self.pieces[i];
+        let (mut xx, mut xy, mut yy, mut growth) = (0.0, 0.0, 0.0, Vec2::ZERO);
+        for (other, t) in self.pieces.iter().zip(&scratch.texels) {
+            let to =
+                Vec2::new(other.column as f32 - piece.column as f32, other.row as f32 - piece.row as f32);
+            if other.face != piece.face || to.abs().max_element() != 1.0 {
+                continue;
+            }
+            let (whole, _) = self.portal_part(other, normal, scratch);
+            let weight = whole / to.length_squared();
+            let more = (t / whole.max(f32::MIN_POSITIVE)).min(1.0) - share;
+            xx += weight * to.x * to.x;
+            xy += weight * to.x * to.y;
+            yy += weight * to.y * to.y;
+            growth += weight * more * to;
+        }
+        // The plane through the shares, by least squares; a little stiffness where texels lie on one line.
+        let stiff = 1e-3 * (xx + yy);
+        let (a, b) = (xx + stiff, yy + stiff);
+        let way = Vec2::new(b * growth.x - xy * growth.y, a * growth.y - xy * growth.x);
+        let way = way / (a * b - xy * xy).max(f32::MIN_POSITIVE);
+        let trust = ((way.length() - GROWTH.0) / (GROWTH.1 - GROWTH.0)).clamp(0.0, 1.0);
+        if trust == 0.0 {
+            return share * part;
+        }
+        let way = way.normalize();
+        let horizon = piece.flat(normal);
+        let mut lit = 0.0;
+        for cone in &scratch.cones {
+            let (whole, part) = match self.cut_piece(piece, normal, &scratch.sides[cone.clone()]) {
+                Within::None => continue,
+                Within::All => (Cut::new(&piece.corners), Cut::new(&self.points[piece.points.clone()])),
+                Within::Cut(whole, part) => (whole, part),
+            };
+            lit += part.clipped(whole.line(way, share, horizon)).worth(horizon);
+        }
+        trust * lit + (1.0 - trust) * share * part
+    }
+
+    /// Lists the sides of all polygons near the disc; whether one of them may hold a part of it.
+    fn find(&self, p: Vec3, bits: u64, panes: &Panes, scratch: &mut Scratch) -> bool {
+        let (s, sine) = (self.disc.axis, self.disc.radius.sin());
+        let mut is_lit = false;
+        for (i, pane) in panes.polygons.iter().enumerate() {
+            let to = pane.centre - p;
+            let along = to.dot(s);
+            if bits >> (i % 64) & 1 == 0 || along < -pane.radius {
+                continue;
+            }
+            let first = scratch.sides.len();
+            let mut may_hold = true;
+            let is_seen = pane.for_each_side(p, |side| {
+                let inside = side.dot(s);
+                may_hold &= inside > 0.0 || inside * inside < sine * sine * side.length_squared();
+                scratch.sides.push(side);
+            });
+            if is_seen {
+                scratch.cones.push(first..scratch.sides.len());
+                is_lit |= may_hold;
+            } else {
+                scratch.sides.truncate(first);
+            }
+        }
+        is_lit
+    }
+
+    /// What of the texel and of the disc's part in it lies within the sides and above the horizon.
+    fn cut_piece(&self, piece: &Piece, normal: Vec3, sides: &[Vec3]) -> Within {
+        let mut cut: Option<(Cut, Cut)> = None;
+        for side in sides.iter().chain([&normal]) {
+            let side = piece.flat(*side);
+            let height = piece.corners.map(|c| side.dot(c.extend(1.0)));
+            if height.iter().all(|h| *h <= 0.0) {
+                return Within::None;
+            }
+            if height.iter().any(|h| *h < 0.0) {
+                let (whole, part) = cut.get_or_insert_with(|| {
+                    (Cut::new(&piece.corners), Cut::new(&self.points[piece.points.clone()]))
+                });
+                *whole = whole.clipped(side);
+                *part = part.clipped(side);
+            }
+        }
+        cut.map_or(Within::All, |(whole, part)| Within::Cut(whole, part))
+    }
+}
+
+impl Piece {
+    /// The texel `[face, column, row]`, and these of the points.
+    fn new(n: usize, [face, column, row]: [usize; 3], points: &[Vec2], range: Range<usize>) -> Piece {
+        let axes = face_axes(face);
+        let corner =
+            |x: usize, y: usize| Vec2::new((column + x) as f32, (row + y) as f32) * (2.0 / n as f32) - 1.0;
+        let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+        let area = |points: &[Vec2]| {
+            let a = vector_area(points).as_vec3();
+            let a = if a.z < 0.0 { -a } else { a };
+            a.x * axes[1] + a.y * axes[2] + a.z * axes[0]
+        };
+        let (whole, part) = (area(&corners), area(&points[range.clone()]));
+        Piece {
+            texel: (face * n + row) * n + column,
+            face,
+            column,
+            row,
+            axes,
+            corners,
+            points: range,
+            whole,
+            part,
+        }
+    }
+
+    /// The normal of a plane through the vertex, in the face's coordinates.
+    fn flat(&self, side: Vec3) -> Vec3 {
+        let [axis, s, t] = self.axes;
+        Vec3::new(side.dot(s), side.dot(t), side.dot(axis))
+    }
+}
+
+/// How much of a texel and of the disc in it is meant.
+#[allow(clippy::large_enum_variant, reason = "lives on the stack for a moment")]
+enum Within {
+    None,
+    All,
+    Cut(Cut, Cut),
+}
+
+/// Room to work in, for one thread.
+#[derive(Default)]
+pub struct Scratch {
+    sides: Vec<Vec3>,
+    cones: Vec<Range<usize>>,
+    texels: Vec<f32>,
+}
+
+impl Scratch {
+    fn clear(&mut self) {
+        self.sides.clear();
+        self.cones.clear();
+    }
+
+    /// One cone without sides: all that is above the horizon.
+    fn begin(&mut self) {
+        self.cones.push(0..0);
+    }
+}
+
+/// A convex polygon in a face's plane that is being cut.
+struct Cut {
+    points: [Vec2; MOST_POINTS],
+    n: usize,
+}
+
+impl Cut {
+    fn new(points: &[Vec2]) -> Cut {
+        let mut cut = Cut { points: [Vec2::ZERO; MOST_POINTS], n: 0 };
+        points.iter().for_each(|p| cut.push(*p));
+        cut
+    }
+
+    fn push(&mut self, p: Vec2) {
+        if self.n < MOST_POINTS {
+            self.points[self.n] = p;
+            self.n += 1;
+        }
+    }
+
+    /// The part where `side` is not negative.
+    fn clipped(&self, side: Vec3) -> Cut {
+        let mut to = Cut { points: [Vec2::ZERO; MOST_POINTS], n: 0 };
+        let Some(&last) = self.points[..self.n].last() else { return to };
+        let (mut p, mut a) = (last, side.dot(last.extend(1.0)));
+        for &q in &self.points[..self.n] {
+            let b = side.dot(q.extend(1.0));
+            if (a >= 0.0) != (b >= 0.0) {
+                to.push(p + (q - p) * (a / (a - b)));
+            }
+            if b >= 0.0 {
+                to.push(q);
+            }
+            (p, a) = (q, b);
+        }
+        to
+    }
+
+    /// The line across `way` that leaves this share before it, as a side.
+    fn line(&self, way: Vec2, share: f32, horizon: Vec3) -> Vec3 {
+        let along = self.points[..self.n].iter().map(|p| p.dot(way));
+        let (mut low, mut high) = along.fold((f32::MAX, f32::MIN), |(l, h), x| (l.min(x), h.max(x)));
+        let wanted = share * self.worth(horizon);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            let left = self.clipped(way.extend(-middle)).worth(horizon);
+            if left > wanted { low = middle } else { high = middle }
+        }
+        way.extend(-0.5 * (low + high))
+    }
+
+    /// ∫ max(n·ω, 0) dω, the middle's value taken for all.
+    fn worth(&self, normal: Vec3) -> f32 {
+        let points = &self.points[..self.n];
+        let Some(&origin) = points.first() else { return 0.0 };
+        let (mut area, mut centre) = (0.0, Vec2::ZERO);
+        for pair in points.windows(2).skip(1) {
+            let (a, b) = (pair[0] - origin, pair[1] - origin);
+            let twice = a.perp_dot(b);
+            area += 0.5 * twice;
+            centre += twice / 6.0 * (a + b);
+        }
+        if area == 0.0 {
+            return 0.0;
+        }
+        let d = (origin + centre / area).extend(1.0);
+        (area.abs() * normal.dot(d) / d.length_squared().powi(2)).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests;
