@@ -22,13 +22,13 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 use lunette_ffi as ffi;
-use lunette_relight::asset::{Asset, Data};
+use lunette_relight::asset::{Asset, Data, NO_PATCH};
 use lunette_relight::cubemap;
 use lunette_relight::glossy::{DIRECTION_SIDE, HIGHEST_EXPONENT, mean_reflectance};
 use lunette_scenes::{Material, Scene};
 use rayon::prelude::*;
 
-use crate::carrier::cut;
+use crate::carrier::Tree;
 use crate::gather::{lane_of, packet};
 use crate::sampling::{HemisphereSets, LANES, hash};
 use crate::{Error, Progress, Surface};
@@ -105,12 +105,10 @@ pub fn insert(
     let exponents: Vec<f32> = lobes.iter().map(|l| l.exponent).collect();
     let work = Work { surface, source, glossy: &glossy, exponents: &exponents, seed: options.seed, progress };
     let importance = work.importance()?;
-    let patch = cut(
-        scene,
-        &importance,
-        &vec![false; importance.len()],
-        options.patches.clamp(1, usize::from(u16::MAX)),
-    );
+    let nobody = vec![false; importance.len()];
+    let patches = options.patches.clamp(1, usize::from(u16::MAX));
+    let leaf = Tree::new(scene, &importance, &nobody, patches).leaf_of_vertices();
+    let patch: Vec<u16> = leaf.into_iter().map(|leaf| leaf.unwrap_or(NO_PATCH)).collect();
     let rows = work.rows(&patch, options.rays)?;
     let bytes = 20.0 + 6.0 * rows.weight.len() as f64 / glossy.len() as f64;
     rows.insert_into(asset);

@@ -53,11 +53,10 @@ pub struct Options {
     pub rays: usize,
     /// Texels on a side of a cubemap's face, 8, 16, 32 or 64, of sparse rows.
     pub resolution: usize,
-    /// Most patches of direct-to-indirect transport, 16..=65535: detail of bounced light. Memory and time grow with
-    /// its square.
+    /// Most patches of direct-to-indirect transport, 16..=32767: detail of bounced light.
     pub patches: usize,
-    /// Numbers per vertex of direct-to-indirect transport, 1..=512, two bytes each.
-    pub rank: usize,
+    /// Links per vertex of direct-to-indirect transport to patches and groups of them, 1..=1024, three bytes each.
+    pub links: usize,
     /// How often light may bounce, 0..=1000. Each costs about half of the first pass.
     pub bounces: usize,
     /// Seed of every random choice.
@@ -76,7 +75,7 @@ impl Default for Options {
             bounces: 2,
             resolution: 32,
             patches: 2048,
-            rank: 128,
+            links: 160,
             seed: 1,
             threads: 0,
         }
@@ -89,8 +88,8 @@ impl Options {
     pub fn check(&self) -> Result<(), Error> {
         range("order", self.order, 1, MAX_ORDER)?;
         range("indirect-order", self.indirect_order, 1, self.order)?;
-        range("patches", self.patches, 16, 65535)?;
-        range("rank", self.rank, 1, 512)?;
+        range("patches", self.patches, 16, 32767)?;
+        range("links", self.links, 1, 1024)?;
         if !matches!(self.resolution, 8 | 16 | 32 | 64) {
             return Err(Error::Option {
                 name: "resolution",
@@ -120,7 +119,7 @@ impl Options {
             ("bounces".into(), self.bounces.into()),
             ("resolution".into(), self.resolution.into()),
             ("patches".into(), self.patches.into()),
-            ("rank".into(), self.rank.into()),
+            ("links".into(), self.links.into()),
         ])
     }
 

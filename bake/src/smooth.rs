@@ -64,6 +64,30 @@ impl Smoother {
         smoother
     }
 
+    /// Of which vertices' rows, and with what weights, [`apply`](Self::apply) makes the row of `v`; rising.
+    pub fn kernel(&self, v: usize) -> Vec<(u32, f32)> {
+        let mut kernel = vec![(v as u32, 1.0)];
+        for _ in 0..RINGS {
+            let mut next = Vec::with_capacity(8 * kernel.len());
+            for (u, weight) in kernel {
+                let neighbours = &self.list[self.from[u as usize]..self.from[u as usize + 1]];
+                let per_weight = weight / (1.0 + neighbours.iter().map(|n| n.1).sum::<f32>());
+                next.push((u, per_weight));
+                next.extend(neighbours.iter().map(|&(n, w)| (n, w * per_weight)));
+            }
+            next.sort_by_key(|entry: &(u32, f32)| entry.0);
+            next.dedup_by(|from, to| {
+                let is_same = from.0 == to.0;
+                if is_same {
+                    to.1 += from.1;
+                }
+                is_same
+            });
+            kernel = next;
+        }
+        kernel
+    }
+
     /// Averages rows, \[V, width\].
     pub fn apply(&self, rows: &mut Vec<f32>, width: usize) {
         for _ in 0..RINGS {
@@ -136,6 +160,21 @@ mod tests {
         // Three averages over three: the kernel (1,3,6,7,6,3,1)/27 leaves 0.44 of a deviation of 0.289.
         let noise: f32 = rows.iter().skip(1).step_by(2).map(|x| (x - 0.5).powi(2)).sum::<f32>() / n as f32;
         assert!((0.09..0.16).contains(&noise.sqrt()), "{}", noise.sqrt());
+    }
+
+    #[test]
+    fn kernel_of_a_vertex_is_what_rows_are_averaged_by() {
+        let n = 12;
+        let reach: Vec<f32> = (0..n).map(|i| 2.0 + i as f32).collect();
+        let smoother = Smoother::new(&strip(n), &reach);
+        let given: Vec<f32> = (0..n).map(|i| (i as f32 * 1.7).sin()).collect();
+        let mut rows = given.clone();
+        smoother.apply(&mut rows, 1);
+        for (v, row) in rows.iter().enumerate() {
+            let sum: f32 = smoother.kernel(v).iter().map(|(u, w)| w * given[*u as usize]).sum();
+            // f32 sums of up to seven numbers below one.
+            assert!((sum - row).abs() < 1e-6, "{sum} {row}");
+        }
     }
 
     #[test]

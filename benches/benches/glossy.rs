@@ -22,8 +22,8 @@ use lunette_relight::portal_frame::PortalFrame;
 use lunette_relight::shell::{Material, Shell};
 use lunette_render::{
     Backdrop, Camera, Gloss, Image, ReferenceOptions, Scale, Surface, Tracer, Visibility, auto_exposure,
-    capture, difference, error_picture, noise, read_image, reference_image, seen_discs, tone_map, trace, write_exr,
-    write_png,
+    capture, difference, error_picture, noise, read_image, reference_image, seen_discs, tone_map, trace,
+    write_exr, write_png,
 };
 use lunette_scenes::{Portal, Scene, builtin, take_portals};
 

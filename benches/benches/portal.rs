@@ -1,6 +1,9 @@
 //! A frame of an interior against a plain read of the same bytes, and the share of each of its parts.
 //!
-//! The transfer is that of one window seen from a box-shaped room: rows of texels that the window covers, cosine
+//! First a whole frame of the built-in room with everything on: a Hosek-Wilkie sky with its sun captured, projected,
+//! direct light and its beam, and bounced light, over all threads; target: 10 ms. Then dot products alone.
+//!
+//! Their transfer is that of one window seen from a box-shaped room: rows of texels that the window covers, cosine
 //! included, encoded as a bake does. The plain read sums the same bytes in wide vectors. Target: sparse dot products
 //! at most 2 times the plain read on one core.
 //!
@@ -10,13 +13,18 @@ use std::hint::black_box;
 
 use glam::{Vec2, Vec3};
 use half::f16;
+use lunette_bake as bake;
 use lunette_benches::duel;
 use lunette_relight::asset::{Asset, Metadata};
 use lunette_relight::cubemap::{self, ShTable};
 use lunette_relight::dot;
+use lunette_relight::indirect::{Carrier, Indirect};
 use lunette_relight::light::{Light, Sky, Source};
-use lunette_relight::shell::Blur;
+use lunette_relight::portal_frame::PortalFrame;
+use lunette_relight::shell::{Blur, Shell};
 use lunette_relight::sparse::{Basis, Choice, Encoder, Encoding, RowStore, Rows, SparseLight};
+use lunette_render::{Backdrop, capture, seen_discs};
+use lunette_scenes::{builtin, take_portals};
 
 const ROUNDS: usize = 30;
 const N: usize = 32;
@@ -26,6 +34,7 @@ const PER_SIDE: usize = 24;
 const DIFFERENT: usize = 4 * PER_SIDE * PER_SIDE;
 
 fn main() {
+    frame();
     println!("{:<44} {:>9} {:>9} {:>6} {:>9}", "", "read µs", "relit µs", "ratio", "B/vertex");
     for vertices in [45_000, 400_000] {
         for (name, choice) in [
@@ -37,7 +46,7 @@ fn main() {
         }
     }
     bounced("bounced, SH order 4, 45000 vertices", 45_000, 48);
-    bounced("bounced, carried, k = 128, 45000 vertices", 45_000, 128);
+    linked("bounced, 160 links, 45000 vertices", 45_000, 160);
     println!("\n{:<44} {:>9}", "once per frame and portal, N = 32", "µs");
     shell();
 }
@@ -98,11 +107,108 @@ fn bounced(name: &str, vertices: usize, k: usize) {
     let bytes = vec![1u8; 2 * transfer.len()];
     let mut out = vec![[0.0f32; 3]; vertices];
     let light = vec![[1.0, 0.5, 0.25]; k];
-    let run = |out: &mut [[f32; 3]]| match k {
-        48 => dot::sh_rgb_add(&transfer, &light[..16], out),
-        _ => dot::sh(&transfer, &light, out),
-    };
+    let run = |out: &mut [[f32; 3]]| dot::sh_rgb_add(&transfer, &light[..k / 3], out);
     print(name, duel(ROUNDS, || read(&bytes), || run(black_box(&mut out))), 2.0 * k as f32);
+}
+
+/// Links as those of a vertex are: some to each part of the tree.
+fn linked(name: &str, vertices: usize, k: usize) {
+    const PATCHES: usize = 2048;
+    let mut asset = Asset::new(Metadata::new("room"));
+    let floats = |list: Vec<f32>| Data::F32(list.into());
+    let triangle = |i: usize| [(i % 7) as f32, (i % 11) as f32, (i % 13) as f32];
+    asset.insert("mesh.position", &[vertices, 3], floats((0..vertices).flat_map(triangle).collect()));
+    asset.insert("mesh.normal", &[vertices, 3], floats([0.0, 1.0, 0.0].repeat(vertices)));
+    asset.insert("mesh.albedo", &[vertices, 3], floats(vec![0.5; 3 * vertices]));
+    let index = (2..vertices as u32).flat_map(|i| [i - 2, i - 1, i]).collect::<Vec<_>>();
+    asset.insert("mesh.index", &[vertices - 2, 3], Data::U32(index.into()));
+    let patch = |i: usize| (PATCHES - 1 + i % PATCHES) as u16;
+    let nodes = 2 * PATCHES - 1;
+    let child = |i: usize| if i < PATCHES - 1 { [2 * i as u16 + 1, 2 * i as u16 + 2] } else { [0, 0] };
+    asset.insert(
+        "indirect.patch",
+        &[vertices],
+        Data::U16((0..vertices).map(patch).collect::<Vec<_>>().into()),
+    );
+    asset.insert(
+        "indirect.tree",
+        &[nodes, 2],
+        Data::U16((0..nodes).flat_map(child).collect::<Vec<_>>().into()),
+    );
+    let rows = vertices + PATCHES;
+    // A step of about 25 nodes, another in each row.
+    let node = |i: usize| (((i % k) * nodes / k + i / k * 7 % 25) % nodes) as u16;
+    asset.insert("indirect.node", &[rows, k], Data::U16((0..rows * k).map(node).collect::<Vec<_>>().into()));
+    let share = (0..rows * k).map(|i| (i * 37 % 256) as u8).collect::<Vec<_>>();
+    asset.insert("indirect.share", &[rows, k], Data::U8(share.into()));
+    asset.insert("indirect.scale", &[rows], floats(vec![1e-7; rows]));
+    asset.insert("indirect.part", &[nodes], floats(vec![0.5; nodes]));
+    let mut carrier = Carrier::open(&asset).expect("a carrier");
+    let mut out = vec![[0.0f32; 3]; vertices];
+    carrier.reflect(&vec![[1.0; 3]; vertices]);
+    let bytes = vec![1u8; carrier.bytes_per_vertex() * vertices];
+    let times = duel(ROUNDS, || read(&bytes), || carrier.add(0, black_box(&mut out)));
+    print(name, times, carrier.bytes_per_vertex() as f32);
+}
+
+/// Everything on, part by part.
+fn frame() {
+    let mut room = builtin::build("box-room:edge=0.082").expect("a built-in scene");
+    let portals = take_portals(&mut room, &["glass*".into()]).expect("a window");
+    let basis = vec![bake::Basis::Sh, bake::Basis::DirectToIndirect];
+    let options = bake::Options {
+        basis,
+        order: 4,
+        indirect_order: 4,
+        rays: 256,
+        bounces: 9,
+        ..bake::Options::default()
+    };
+    let (baked, _) =
+        bake::bake_portals(&room, &portals, &options, &bake::PortalOptions::default(), &bake::Silent)
+            .expect("a bake");
+    let bytes = baked.to_bytes().expect("bytes");
+    let asset = Asset::from_bytes(&bytes).expect("an asset");
+    let mut frame = PortalFrame::new(&asset).expect("portals");
+    let centre = asset.metadata.shells[1].centre.unwrap_or_default().into();
+    let light = sky();
+    let (mut texels, mut discs) = (day(), Vec::new());
+    let (mut direct, mut bounced) =
+        (vec![[0.0f32; 3]; asset.n_vertices()], vec![[0.0f32; 3]; asset.n_vertices()]);
+    let threads = rayon::current_num_threads();
+    println!("a frame of {} vertices, {threads} threads, everything on, µs", asset.n_vertices());
+    let mut total = [0.0; 2];
+    let mut time = |name: &str, of: [bool; 2], work: &mut dyn FnMut()| {
+        let (least, _) = duel(ROUNDS, work, || {});
+        println!("    {name:<40} {:>9.1}", least * 1e6);
+        (0..2).filter(|&i| of[i]).for_each(|i| total[i] += least);
+    };
+    let mut backdrop = Backdrop::new(&light, N).expect("a backdrop");
+    time("light projected", [true; 2], &mut || backdrop = Backdrop::new(&light, N).expect("a backdrop"));
+    time("shell captured", [true; 2], &mut || {
+        capture(&backdrop, None, centre, &mut texels).expect("a shell");
+        seen_discs(&backdrop, None, centre, &mut discs);
+    });
+    time("shell into all bases, and beams", [true; 2], &mut || {
+        frame.set_shell_with_discs(0, Shell::new(N, &texels).expect("a shell"), &discs).expect("its side");
+    });
+    time("direct", [true; 2], &mut || parts(&mut direct, |first, out| frame.direct(first, out)));
+    frame.set_indirect(Indirect::DirectToIndirect).expect("baked");
+    time("direct to indirect: patches", [true, false], &mut || frame.reflect(&direct));
+    time("direct to indirect: links", [true, false], &mut || {
+        parts(&mut bounced, |first, out| frame.add_indirect(first, out));
+    });
+    frame.set_indirect(Indirect::Sh).expect("baked");
+    time("or SH of order 4", [false, true], &mut || {
+        parts(&mut bounced, |first, out| frame.add_indirect(first, out));
+    });
+    println!("    together {:.0}, with SH {:.0}\n", total[0] * 1e6, total[1] * 1e6);
+}
+
+fn parts(out: &mut [[f32; 3]], work: impl Fn(usize, &mut [[f32; 3]]) + Sync) {
+    use rayon::prelude::*;
+    let task = dot::ROWS_PER_TASK;
+    out.par_chunks_mut(task).enumerate().for_each(|(i, out)| work(i * task, out));
 }
 
 fn day() -> Vec<[f32; 3]> {

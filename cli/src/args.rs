@@ -120,9 +120,9 @@ pub struct Effort {
     /// Patches of direct-to-indirect transport
     #[arg(long, default_value_t = 2048, allow_negative_numbers = true)]
     pub patches: usize,
-    /// Numbers per vertex of direct-to-indirect transport
-    #[arg(long, default_value_t = 128, allow_negative_numbers = true)]
-    pub rank: usize,
+    /// Links per vertex of direct-to-indirect transport
+    #[arg(long, default_value_t = 160, allow_negative_numbers = true)]
+    pub links: usize,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,

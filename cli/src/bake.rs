@@ -130,7 +130,7 @@ pub fn options(basis: Vec<Basis>, effort: &Effort) -> Options {
         bounces: effort.bounces,
         resolution: effort.resolution,
         patches: effort.patches,
-        rank: effort.rank,
+        links: effort.links,
         seed: effort.seed,
         threads: effort.threads,
     }

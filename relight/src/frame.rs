@@ -65,7 +65,7 @@ pub struct Missing {
 
 impl Missing {
     pub(crate) fn carrier() -> Missing {
-        Missing { tensor: "indirect.gather", basis: "direct-to-indirect" }
+        Missing { tensor: "indirect.node", basis: "direct-to-indirect" }
     }
 }
 

@@ -1,35 +1,40 @@
 //! Bounced light carried from direct light, whatever it came from.
 //!
-//! The bake has cut the surface into P patches. A frame computes the direct irradiance of all vertices, then
+//! The bake has halved the surface again and again, down to P patches: a tree of N = 2 P - 1 nodes, of which each row,
+//! those of the vertices and those of the patches, has K links to some. A frame computes the direct irradiance of all
+//! vertices, then, per colour,
 //!
 //! ```text
-//! R[p]  = Σ area ρ E_direct / Σ area            over the vertices of patch p, per colour
-//! z[j]  = Σ_p spread[p, j] R[p]                 per colour, k of them
-//! E(v) += Σ_j gather[v, j] z[j]
+//! R[p]  = Σ area ρ E_direct / Σ area                              over the vertices of patch p
+//! B[p]  = R[p] + ρ[p] scale[V + p] Σ_k share²[V + p, k] B[node[V + p, k]]      solved by iteration
+//! E(v) += scale[v] Σ_k share²[v, k] B[node[v, k]]
 //! ```
 //!
-//! and, with the light B that leaves each patch, what comes from the few patches that fill most of a row's view,
+//! where B of a node with children is Σ part\[c\] B\[c\] over them: about their mean by area, with weights by which a
+//! patch sends out through all links together what it does through the rows themselves. E is irradiance without the receiver's albedo, in the unit of
+//! the light. A vertex's area is a third of its triangles'.
 //!
-//! ```text
-//! B[p]  = R[p] + ρ[p] (Σ_j gather[V + p, j] z[j] + Σ_n share[V + p, n] B[patch[V + p, n]])     solved by iteration
-//! E(v) += Σ_n share[v, n] B[patch[v, n]]
-//! ```
-//!
-//! `spread` holds all bounces and their colours, `gather` what a vertex sees of the patches, but for the near ones: E is
-//! irradiance without the receiver's albedo, in the unit of the light. A vertex's area is a third of its triangles'.
+//! | name | type | |
+//! |---|---|---|
+//! | `indirect.patch` | u16 \[V\] | node of the patch that a vertex belongs to; [`NO_PATCH`]: none |
+//! | `indirect.tree` | u16 \[N,2\] | children of each node, which come after it; 0, 0 for a patch |
+//! | `indirect.node` | u16 \[V+P,K\] | rows of the vertices, then of the patches in the order of their nodes |
+//! | `indirect.share` | u8 \[V+P,K\] | square root of what the link is worth |
+//! | `indirect.scale` | f32 \[V+P\] | |
+//! | `indirect.part` | f32 \[N\] | weight of each node in its parent |
 //!
 //! Where it breaks: the pattern of direct light within a patch is lost to what it bounces on to, so that a patch with
 //! a narrow beam on its edge glows as a whole.
 //!
-//! Based on: Hašan, Pellacini and Bala, Direct-to-Indirect Transfer for Cinematic Relighting, 2006.
+//! Based on: Hašan, Pellacini and Bala, Direct-to-Indirect Transfer for Cinematic Relighting, 2006; Hanrahan, Salzman and
+//! Aupperle, A Rapid Hierarchical Radiosity Algorithm, 1991.
 
-use glam::Vec3;
-use half::f16;
+use glam::{Vec3, Vec4};
 
 use crate::asset::{Asset, Data, NO_PATCH};
 use crate::glossy::reflectance;
 use crate::light::{Cap, Light, split};
-use crate::{dot, shell};
+use crate::shell;
 
 /// How bounced light is carried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,7 +65,7 @@ impl Indirect {
     }
 
     fn choose(asset: &Asset, kind: Kind) -> Indirect {
-        let has_carrier = asset.tensor("indirect.gather").is_some();
+        let has_carrier = asset.tensor("indirect.node").is_some();
         let has_sh = asset.tensors().any(|(name, _)| name.ends_with(".indirect.sh"));
         match (has_carrier, has_sh) {
             (true, false) => Indirect::DirectToIndirect,
@@ -80,14 +85,11 @@ enum Kind {
 /// A disc narrower than this, radians, is a sun: SH of order 4 holds features of about π / 4.
 const WIDEST_SUN: f32 = 0.4;
 
-/// Patches of a row that are kept one by one.
-pub const N_NEAR: usize = 12;
+/// Most steps by which B is found, each a bounce.
+const STEPS: usize = 16;
 
-/// Most steps by which B is found, each a bounce: a near patch gives back at most its albedo, mostly much less.
-const STEPS: usize = 8;
-
-/// Vertices whose sums lie on the stack at a time.
-const BLOCK: usize = 128;
+/// The iteration ends when a step changes all light by less than this part of it.
+const CONVERGED: f32 = 1e-3;
 
 /// The direct-to-indirect part of an asset, and the bounced light of the moment.
 #[derive(Clone, Debug)]
@@ -95,66 +97,69 @@ pub struct Carrier<'a> {
     patch: &'a [u16],
     /// area ρ / area of the patch, per vertex.
     weight: Vec<Vec3>,
-    spread: &'a [[f32; 3]],
-    gather: &'a [f16],
-    scale: f32,
-    near_patch: &'a [u16],
-    near_share: &'a [f16],
-    near_scale: f32,
-    /// Of each patch.
+    children: &'a [[u16; 2]],
+    part: &'a [f32],
+    /// Nodes without children, rising.
+    leaves: Vec<u16>,
+    n_links: usize,
+    node: &'a [u16],
+    share: &'a [u8],
+    scale: &'a [f32],
+    /// Of each node that is a patch.
     albedo: Vec<Vec3>,
-    reflected: Vec<[f32; 3]>,
-    z: Vec<[f32; 3]>,
-    /// Light at the patches from far, and all that leaves them.
-    far: Vec<[f32; 3]>,
-    leaving: Vec<Vec3>,
-    next: Vec<Vec3>,
+    reflected: Vec<Vec3>,
+    /// Of each node: all that leaves it.
+    leaving: Vec<Vec4>,
     steps: usize,
 }
 
 impl<'a> Carrier<'a> {
     /// The carrier of an asset; `None` where none is baked. Bounced light is dark until [`Carrier::reflect`].
     pub fn open(asset: &'a Asset<'a>) -> Option<Carrier<'a>> {
-        let spread = asset.tensor("indirect.spread")?;
-        let &[n_patches, k, 3] = spread.shape.as_slice() else { return None };
-        let (Data::F32(spread), Data::U16(patch)) = (&spread.data, &asset.tensor("indirect.patch")?.data)
+        let names =
+            ["patch", "tree", "node", "share", "scale", "part"].map(|part| format!("indirect.{part}"));
+        let [patch, tree, node, share, scale, part] = names.each_ref().map(|name| asset.tensor(name));
+        let n_links = *node?.shape.get(1)?;
+        let (Data::U16(patch), Data::U16(tree), Data::U16(node)) = (&patch?.data, &tree?.data, &node?.data)
         else {
             return None;
         };
-        let (gather, scale) = asset.half("indirect.gather")?;
-        let (near_share, near_scale) = asset.half("indirect.near.share")?;
-        let Data::U16(near_patch) = &asset.tensor("indirect.near.patch")?.data else { return None };
-        // All hold for every asset that was read; one made by hand may break them.
-        let n_rows = patch.len() + n_patches;
-        let fits = gather.len() == n_rows * k
-            && near_share.len() == n_rows * N_NEAR
-            && near_patch.len() == n_rows * N_NEAR
-            && near_patch.iter().all(|&p| usize::from(p) < n_patches);
-        if !fits || patch.len() != asset.n_vertices() || k == 0 {
+        let (Data::U8(share), Data::F32(scale), Data::F32(part)) = (&share?.data, &scale?.data, &part?.data)
+        else {
+            return None;
+        };
+        let children: &[[u16; 2]] = bytemuck::try_cast_slice(tree).ok()?;
+        check(children, patch, node).ok()?;
+        let leaves = leaves(children);
+        let rows = patch.len() + leaves.len();
+        if patch.len() != asset.n_vertices()
+            || scale.len() != rows
+            || node.len() != rows * n_links
+            || share.len() != node.len()
+            || part.len() != children.len()
+        {
             return None;
         }
-        let weight = weights(asset, patch, n_patches);
-        let mut albedo = vec![Vec3::ZERO; n_patches];
-        for (p, w) in patch.iter().zip(&weight) {
-            if let Some(sum) = albedo.get_mut(usize::from(*p)) {
-                *sum += *w;
-            }
+        let area = vertex_area(asset);
+        let node_area = node_areas(children, patch, &area);
+        let weight = weights(asset, patch, &area, &node_area);
+        let mut albedo = vec![Vec3::ZERO; children.len()];
+        for (p, w) in patch.iter().zip(&weight).filter(|(p, _)| **p != NO_PATCH) {
+            albedo[usize::from(*p)] += *w;
         }
         Some(Carrier {
             patch,
             weight,
-            spread: bytemuck::cast_slice(spread),
-            gather,
+            children,
+            part,
+            leaves,
+            n_links,
+            node,
+            share,
             scale,
-            near_patch,
-            near_share,
-            near_scale,
             albedo,
-            reflected: vec![[0.0; 3]; n_patches],
-            z: vec![[0.0; 3]; k],
-            far: vec![[0.0; 3]; n_patches],
-            leaving: vec![Vec3::ZERO; n_patches],
-            next: vec![Vec3::ZERO; n_patches],
+            reflected: vec![Vec3::ZERO; children.len()],
+            leaving: vec![Vec4::ZERO; children.len()],
             steps: bounces(asset).saturating_sub(1).min(STEPS),
         })
     }
@@ -169,54 +174,63 @@ impl<'a> Carrier<'a> {
             self.patch.len(),
             "bounced light starts from the direct light of all vertices"
         );
-        self.reflected.fill([0.0; 3]);
+        self.reflected.fill(Vec3::ZERO);
         for ((patch, weight), direct) in self.patch.iter().zip(&self.weight).zip(direct) {
             if let Some(sum) = self.reflected.get_mut(usize::from(*patch)) {
-                for ((s, w), e) in sum.iter_mut().zip(weight.to_array()).zip(direct) {
-                    *s += w * e;
-                }
+                *sum += *weight * Vec3::from(*direct);
             }
         }
-        self.z.fill([0.0; 3]);
-        for (row, reflected) in self.spread.chunks_exact(self.z.len()).zip(&self.reflected) {
-            for (z, spread) in self.z.iter_mut().zip(row) {
-                for c in 0..3 {
-                    z[c] += self.scale * spread[c] * reflected[c];
-                }
-            }
+        for (b, r) in self.leaving.iter_mut().zip(&self.reflected) {
+            *b = r.extend(0.0);
         }
-        self.leave();
-    }
-
-    /// Finds the light that leaves the patches.
-    fn leave(&mut self) {
-        let (k, n_vertices) = (self.z.len(), self.patch.len());
-        dot::sh(&self.gather[n_vertices * k..], &self.z, &mut self.far);
-        let mut next = std::mem::take(&mut self.next);
-        self.leaving.iter_mut().zip(&self.reflected).for_each(|(b, r)| *b = Vec3::from(*r));
+        self.average();
         for _ in 0..self.steps {
-            for (p, next) in next.iter_mut().enumerate() {
-                let arriving = Vec3::from(self.far[p]) + self.near(n_vertices + p, &self.leaving);
-                *next = Vec3::from(self.reflected[p]) + self.albedo[p] * arriving.max(Vec3::ZERO);
+            let (mut change, mut all) = (Vec3::ZERO, Vec3::ZERO);
+            // The averages are those of the step before; patches that links name alone are the newest.
+            for i in 0..self.leaves.len() {
+                let leaf = usize::from(self.leaves[i]);
+                let arriving = self.arriving(self.patch.len() + i);
+                let next = self.reflected[leaf] + self.albedo[leaf] * arriving;
+                change += (next - self.leaving[leaf].truncate()).abs();
+                all += next;
+                self.leaving[leaf] = next.extend(0.0);
             }
-            std::mem::swap(&mut self.leaving, &mut next);
-        }
-        self.next = next;
-    }
-
-    /// Light from the near patches of a row.
-    fn near(&self, row: usize, leaving: &[Vec3]) -> Vec3 {
-        let range = row * N_NEAR..(row + 1) * N_NEAR;
-        let (shares, patches) = (&self.near_share[range.clone()], &self.near_patch[range]);
-        let mut sum = Vec3::ZERO;
-        for (share, p) in shares.iter().zip(patches) {
-            let share = share.to_f32();
-            if share == 0.0 {
+            self.average();
+            if change.element_sum() <= CONVERGED * all.element_sum() {
                 break;
             }
-            sum += share * leaving[usize::from(*p)];
         }
-        self.near_scale * sum
+    }
+
+    /// Gives nodes with children their mean.
+    fn average(&mut self) {
+        for node in (0..self.children.len()).rev() {
+            let [l, r] = self.children[node].map(usize::from);
+            if l > 0 {
+                self.leaving[node] = self.part[l] * self.leaving[l] + self.part[r] * self.leaving[r];
+            }
+        }
+    }
+
+    /// Irradiance of a row.
+    #[inline]
+    fn arriving(&self, row: usize) -> Vec3 {
+        let range = row * self.n_links..(row + 1) * self.n_links;
+        let mut sums = [Vec4::ZERO; 4];
+        let (nodes, shares) = (&self.node[range.clone()], &self.share[range]);
+        let (nodes, nodes_rest) = nodes.as_chunks::<4>();
+        let (shares, shares_rest) = shares.as_chunks::<4>();
+        for (nodes, shares) in nodes.iter().zip(shares) {
+            for ((sum, node), q) in sums.iter_mut().zip(nodes).zip(shares) {
+                let q = f32::from(*q);
+                *sum += q * q * self.leaving[usize::from(*node)];
+            }
+        }
+        for (node, q) in nodes_rest.iter().zip(shares_rest) {
+            let q = f32::from(*q);
+            sums[0] += q * q * self.leaving[usize::from(*node)];
+        }
+        self.scale[row] * (sums[0] + sums[1] + (sums[2] + sums[3])).truncate()
     }
 
     /// Adds bounced irradiance to the vertices from `first` on.
@@ -224,30 +238,56 @@ impl<'a> Carrier<'a> {
     /// # Panics
     /// When there are not that many vertices.
     pub fn add(&self, first: usize, out: &mut [[f32; 3]]) {
-        let k = self.z.len();
-        let rows = &self.gather[first * k..(first + out.len()) * k];
-        let mut sums = [[0.0; 3]; BLOCK];
-        for (rows, out) in rows.chunks(BLOCK * k).zip(out.chunks_mut(BLOCK)) {
-            let sums = &mut sums[..out.len()];
-            dot::sh(rows, &self.z, sums);
-            for (o, s) in out.as_flattened_mut().iter_mut().zip(sums.as_flattened()) {
-                *o += s;
-            }
-        }
-        for (i, out) in out.iter_mut().enumerate() {
-            *out = (Vec3::from(*out) + self.near(first + i, &self.leaving)).to_array();
+        assert!(first + out.len() <= self.patch.len(), "there are not that many vertices");
+        for (v, out) in (first..).zip(out) {
+            *out = (Vec3::from(*out) + self.arriving(v)).to_array();
         }
     }
 
-    /// k.
-    pub fn rank(&self) -> usize {
-        self.z.len()
+    /// K.
+    pub fn n_links(&self) -> usize {
+        self.n_links
     }
 
-    /// What a vertex stores: k numbers, its near patches and shares, and its own patch.
+    /// What a vertex stores: its links, their scale, and its own patch.
     pub fn bytes_per_vertex(&self) -> usize {
-        2 * self.rank() + 4 * N_NEAR + 2
+        3 * self.n_links + 6
     }
+}
+
+/// What is wrong with a tree, the patches of vertices, or the nodes of links: the tensor and why.
+pub(crate) fn check(
+    children: &[[u16; 2]],
+    patch: &[u16],
+    node: &[u16],
+) -> Result<(), (&'static str, String)> {
+    let n = children.len();
+    let is_tree = |(i, pair): (usize, &[u16; 2])| {
+        *pair == [0, 0] || pair.iter().all(|&c| usize::from(c) > i && usize::from(c) < n)
+    };
+    if let Some(i) = children.iter().enumerate().position(|entry| !is_tree(entry)) {
+        return Err(("tree", format!("children of node {i} do not come after it, or are not there")));
+    }
+    let mut parents = vec![0u8; n];
+    for child in children.iter().flatten().filter(|c| **c > 0) {
+        parents[usize::from(*child)] = parents[usize::from(*child)].saturating_add(1);
+    }
+    if let Some(i) = (1..n).find(|&i| parents[i] != 1) {
+        return Err(("tree", format!("node {i} has {} parents instead of one", parents[i])));
+    }
+    let is_patch = |p: u16| children.get(usize::from(p)) == Some(&[0, 0]);
+    if let Some(v) = patch.iter().position(|&p| p != NO_PATCH && !is_patch(p)) {
+        return Err(("patch", format!("vertex {v} points to node {}, which is no patch", patch[v])));
+    }
+    match node.iter().position(|&i| usize::from(i) >= n) {
+        Some(at) => Err(("node", format!("link {at} points past node {n}"))),
+        None => Ok(()),
+    }
+}
+
+/// Nodes without children, rising.
+pub(crate) fn leaves(children: &[[u16; 2]]) -> Vec<u16> {
+    (0..children.len()).filter(|&i| children[i] == [0, 0]).map(|i| i as u16).collect()
 }
 
 /// How often light bounces in an asset; endlessly where it does not say.
@@ -256,20 +296,28 @@ fn bounces(asset: &Asset) -> usize {
     value.map_or(usize::MAX, |n| n as usize)
 }
 
-/// area ρ / area of the patch, per vertex; 0 for a patch without area.
-fn weights(asset: &Asset, patch: &[u16], n_patches: usize) -> Vec<Vec3> {
-    let area = vertex_area(asset);
-    let mut patch_area = vec![0.0f64; n_patches];
-    for (p, area) in patch.iter().zip(&area) {
-        if *p != NO_PATCH {
-            patch_area[usize::from(*p).min(n_patches - 1)] += area;
+/// Areas of all nodes, m².
+fn node_areas(children: &[[u16; 2]], patch: &[u16], area: &[f64]) -> Vec<f64> {
+    let mut all = vec![0.0; children.len()];
+    for (p, area) in patch.iter().zip(area).filter(|(p, _)| **p != NO_PATCH) {
+        all[usize::from(*p)] += area;
+    }
+    for node in (0..children.len()).rev() {
+        let [l, r] = children[node].map(usize::from);
+        if l > 0 {
+            all[node] = all[l] + all[r];
         }
     }
-    let weight = |((p, area), albedo): ((&u16, &f64), Vec3)| match patch_area.get(usize::from(*p)) {
+    all
+}
+
+/// area ρ / area of the patch, per vertex; 0 for a patch without area.
+fn weights(asset: &Asset, patch: &[u16], area: &[f64], node_area: &[f64]) -> Vec<Vec3> {
+    let weight = |((p, area), albedo): ((&u16, &f64), Vec3)| match node_area.get(usize::from(*p)) {
         Some(total) if *total > 0.0 => albedo * (area / total) as f32,
         _ => Vec3::ZERO,
     };
-    patch.iter().zip(&area).zip(reflectance(asset)).map(weight).collect()
+    patch.iter().zip(area).zip(reflectance(asset)).map(weight).collect()
 }
 
 fn vertex_area(asset: &Asset) -> Vec<f64> {

@@ -18,6 +18,16 @@
 //! carried from the direct light of all portals together ([`Carrier`]). A frame does not allocate; setting a frosted
 //! material does.
 //!
+//! Beside its rows ([`sparse`](crate::sparse)) and SH, the asset may have of portal k
+//!
+//! | name | type | |
+//! |---|---|---|
+//! | `portal.k.corner` | f32 \[C,3\] | corners of convex polygons, metres, counter-clockwise as seen from inside |
+//! | `portal.k.polygon` | u32 \[M+1\] | polygon i has the corners `polygon[i]..polygon[i + 1]` |
+//! | `portal.k.open` | u32 | vertices outside of it, which see the sky past it; rising |
+//!
+//! by which a sun is sharper than a texel ([`PortalFrame::set_shell_with_discs`]).
+//!
 //! Based on: Yue, Iwasaki, Chen, Dobashi and Nishita, Interactive Rendering of Interior Scenes with Dynamic
 //! Environment Illumination, 2009.
 

@@ -78,7 +78,7 @@ pub fn photons(earlier: &Asset) -> u64 {
 /// Whether its direct-to-indirect transport is what is asked for.
 pub fn has_carrier(earlier: &Asset, options: &Options) -> bool {
     let is = |name: &str, value: usize| earlier.metadata.options.get(name) == Some(&value.into());
-    earlier.tensor("indirect.gather").is_some() && is("patches", options.patches) && is("rank", options.rank)
+    earlier.tensor("indirect.node").is_some() && is("patches", options.patches) && is("links", options.links)
 }
 
 /// Copies all tensors under a name.

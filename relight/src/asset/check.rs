@@ -3,7 +3,7 @@
 use safetensors::Dtype;
 
 use super::{Asset, Data, Error, Tensor};
-use crate::indirect::N_NEAR;
+use crate::indirect;
 use crate::sh::MAX_COEFFICIENTS;
 use crate::sparse::Rows;
 
@@ -21,8 +21,9 @@ enum Shape {
     TriangleTriple,
     VertexSquare,
     VertexSquareTriple,
+    Any,
+    AnyPair,
     AnyAny,
-    AnyAnyTriple,
 }
 
 const RULES: &[Rule] = &[
@@ -37,10 +38,11 @@ const RULES: &[Rule] = &[
     Rule { name: "sky.indirect.sh", dtype: Dtype::F16, shape: Shape::VertexSquareTriple },
     Rule { name: "portal.*.indirect.sh", dtype: Dtype::F16, shape: Shape::VertexSquareTriple },
     Rule { name: "indirect.patch", dtype: Dtype::U16, shape: Shape::Vertex },
-    Rule { name: "indirect.spread", dtype: Dtype::F32, shape: Shape::AnyAnyTriple },
-    Rule { name: "indirect.gather", dtype: Dtype::F16, shape: Shape::AnyAny },
-    Rule { name: "indirect.near.patch", dtype: Dtype::U16, shape: Shape::AnyAny },
-    Rule { name: "indirect.near.share", dtype: Dtype::F16, shape: Shape::AnyAny },
+    Rule { name: "indirect.tree", dtype: Dtype::U16, shape: Shape::AnyPair },
+    Rule { name: "indirect.node", dtype: Dtype::U16, shape: Shape::AnyAny },
+    Rule { name: "indirect.share", dtype: Dtype::U8, shape: Shape::AnyAny },
+    Rule { name: "indirect.scale", dtype: Dtype::F32, shape: Shape::Any },
+    Rule { name: "indirect.part", dtype: Dtype::F32, shape: Shape::Any },
 ];
 
 /// In `indirect.patch`: a vertex that reflects nothing.
@@ -80,7 +82,7 @@ pub fn tensors(asset: &Asset) -> Result<(), Error> {
     }
     sparse_rows(asset)?;
     crate::portal_frame::check(asset)?;
-    patches(asset)?;
+    links(asset)?;
     crate::glossy::check(asset)?;
     match asset.triangles().as_flattened().iter().position(|&v| v as usize >= n_vertices) {
         Some(at) => Err(wrong("mesh.index", &format!("triangle {} points past vertex {n_vertices}", at / 3))),
@@ -104,39 +106,43 @@ fn sparse_rows(asset: &Asset) -> Result<(), Error> {
     Ok(())
 }
 
-/// Patches and their matrices go together; rows are those of the vertices and of the patches.
-fn patches(asset: &Asset) -> Result<(), Error> {
-    let names = [
-        "indirect.patch",
-        "indirect.spread",
-        "indirect.gather",
-        "indirect.near.patch",
-        "indirect.near.share",
-    ];
-    let found = names.map(|name| asset.tensor(name));
-    let [Some(patch), Some(spread), Some(gather), Some(near), Some(share)] = found else {
+/// Patches and their links go together; rows are those of the vertices and of the patches.
+fn links(asset: &Asset) -> Result<(), Error> {
+    let names = ["patch", "tree", "node", "share", "scale", "part"].map(|part| format!("indirect.{part}"));
+    let found = names.each_ref().map(|name| asset.tensor(name));
+    let [Some(patch), Some(tree), Some(node), Some(share), Some(scale), Some(part)] = found else {
         return match names.iter().zip(found).find(|(_, tensor)| tensor.is_none()) {
             Some((name, _)) if found.iter().any(Option::is_some) => Err(wrong(name, "missing")),
             _ => Ok(()),
         };
     };
-    let (n_patches, k) = (spread.shape[0], spread.shape[1]);
-    let rows = patch.shape[0] + n_patches;
-    for (name, tensor, columns) in
-        [(names[2], gather, k), (names[3], near, N_NEAR), (names[4], share, N_NEAR)]
-    {
-        if tensor.shape != [rows, columns] {
-            return Err(wrong(name, &format!("shape {:?} instead of [{rows}, {columns}]", tensor.shape)));
+    let (Data::U16(patch), Data::U16(tree), Data::U16(nodes)) = (&patch.data, &tree.data, &node.data) else {
+        return Ok(());
+    };
+    let Ok(children) = bytemuck::try_cast_slice(tree) else { return Ok(()) };
+    indirect::check(children, patch, nodes)
+        .map_err(|(part, what)| wrong(&format!("indirect.{part}"), &what))?;
+    let rows = patch.len() + indirect::leaves(children).len();
+    if node.shape[0] != rows {
+        return Err(wrong(&names[2], &format!("{} rows instead of {rows}", node.shape[0])));
+    }
+    for (name, tensor, shape) in [
+        (&names[3], share, node.shape.as_slice()),
+        (&names[4], scale, &[rows]),
+        (&names[5], part, &[children.len()]),
+    ] {
+        if tensor.shape != shape {
+            return Err(wrong(name, &format!("shape {:?} instead of {shape:?}", tensor.shape)));
         }
     }
-    let (Data::U16(patch), Data::U16(near)) = (&patch.data, &near.data) else { return Ok(()) };
-    if let Some(v) = patch.iter().position(|&p| p != NO_PATCH && usize::from(p) >= n_patches) {
-        return Err(wrong(names[0], &format!("vertex {v} points past patch {n_patches}")));
+    for (name, tensor) in [(&names[4], scale), (&names[5], part)] {
+        if let Data::F32(values) = &tensor.data
+            && let Some(at) = values.iter().position(|x| *x < 0.0)
+        {
+            return Err(wrong(name, &format!("value {at} is negative")));
+        }
     }
-    match near.iter().position(|&p| usize::from(p) >= n_patches) {
-        Some(at) => Err(wrong(names[3], &format!("row {} points past patch {n_patches}", at / N_NEAR))),
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 /// Whether a name is that of a rule, with any number for `*`.
@@ -157,8 +163,9 @@ fn known(rule: &Rule, name: &str, tensor: &Tensor, v: usize) -> Result<(), Error
         (Shape::TriangleTriple, &[_, 3]) => true,
         (Shape::VertexSquare, &[a, k]) => a == v && square(k),
         (Shape::VertexSquareTriple, &[a, k, 3]) => a == v && square(k),
+        (Shape::Any, &[_]) => true,
+        (Shape::AnyPair, &[n, 2]) => n > 0,
         (Shape::AnyAny, &[n, k]) => n > 0 && k > 0,
-        (Shape::AnyAnyTriple, &[p, k, 3]) => p > 0 && k > 0,
         _ => false,
     };
     if fits {

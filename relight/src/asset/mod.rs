@@ -8,10 +8,9 @@
 //! Tensors (V vertices, T triangles): `mesh.position`, `mesh.normal`, `mesh.albedo` f32 \[V,3\], `mesh.index` u32
 //! \[T,3\]; `sky.ao` f16 \[V\], `sky.bent` f16 \[V,3\], `sky.aperture` f16 \[V\] (cap radius, radians),
 //! `sky.direct.sh` f16 \[V,n²\], `sky.indirect.sh` f16 \[V,m²,3\]; `sky.direct.*` and `portal.K.direct.*` as
-//! [`sparse`](crate::sparse) has them, `portal.K.indirect.sh` f16 \[V,m²,3\]; `indirect.patch` u16 \[V\]
-//! ([`NO_PATCH`]: none), `indirect.spread` f32 \[P,k,3\], `indirect.gather` f16 \[V+P,k\],
-//! `indirect.near.patch` u16 and `indirect.near.share` f16 \[V+P,[`N_NEAR`](crate::indirect::N_NEAR)\] as
-//! [`indirect`](crate::indirect) has them; `glossy.*` as [`glossy`](crate::glossy) has them. What is not baked is not there. A stored value
+//! [`sparse`](crate::sparse) has them, `portal.K.indirect.sh` f16 \[V,m²,3\]; `indirect.*` as
+//! [`indirect`](crate::indirect) has them, `portal.K.corner`, `portal.K.polygon` and `portal.K.open` as
+//! [`portal_frame`](crate::portal_frame) has them, `glossy.*` as [`glossy`](crate::glossy) has them. What is not baked is not there. A stored value
 //! times the tensor's scale ([`Metadata::scale`], 1 where absent) is the value meant.
 
 mod check;

@@ -65,7 +65,7 @@ fn methods_that_are_not_baked_are_named() {
     assert!(missing(Method::default()).contains("sky.direct.sh"));
     let mut frame = Frame::new(&asset, Method::Haar).unwrap();
     assert!(
-        frame.set_indirect(Indirect::DirectToIndirect).unwrap_err().to_string().contains("indirect.gather")
+        frame.set_indirect(Indirect::DirectToIndirect).unwrap_err().to_string().contains("indirect.node")
     );
     assert!(frame.set_indirect(Indirect::Sh).is_err());
     let bare = Asset::new(Metadata::new("bare"));

@@ -52,8 +52,8 @@ const GROWTH: (f32, f32) = (0.1, 0.3);
 /// Steps by which the line is found that leaves a given share: to 1/1024 of a texel.
 const HALVINGS: usize = 10;
 
-/// A vertex nearer to a polygon's plane than this part of its size sees nothing through it.
-const LEVEL: f32 = 1e-5;
+/// A vertex nearer to a polygon's plane than this part of its size counts as that far inside: a bake has it there.
+const LEVEL: f32 = 1e-4;
 
 /// Points that a cut polygon has at most.
 const MOST_POINTS: usize = 64;
@@ -70,7 +70,7 @@ pub struct Panes<'a> {
     size: f32,
 }
 
-/// A convex polygon.
+/// A convex polygon, counter-clockwise as seen from the interior.
 #[derive(Clone)]
 struct Pane<'a> {
     corners: &'a [[f32; 3]],
@@ -158,21 +158,20 @@ impl<'a> Pane<'a> {
     }
 
     /// Calls `met` with the normals, of any length and towards the inside, of the planes that bound the polygon as seen
-    /// from `p`; not at all where `p` lies in its plane.
-    fn for_each_side(&self, p: Vec3, mut met: impl FnMut(Vec3)) -> bool {
-        let height = self.normal.dot(self.centre - p);
-        if height.abs() <= LEVEL * self.radius {
-            return false;
-        }
-        let Some(last) = self.corners.last() else { return false };
+    /// from `p`.
+    fn for_each_side(&self, p: Vec3, mut met: impl FnMut(Vec3)) {
+        let Some(last) = self.corners.last() else { return };
+        let mut height = self.normal.dot(p - self.centre);
+        let level = LEVEL * self.radius;
+        let p = if height.abs() < level { p + (level - height) * self.normal } else { p };
+        height = self.normal.dot(p - self.centre);
         let mut a = Vec3::from(*last) - p;
         for b in self.corners {
             let b = Vec3::from(*b) - p;
             let side = a.cross(b);
-            met(if height > 0.0 { side } else { -side });
+            met(if height < 0.0 { side } else { -side });
             a = b;
         }
-        true
     }
 }
 
@@ -400,17 +399,13 @@ impl Beam {
             }
             let first = scratch.sides.len();
             let mut may_hold = true;
-            let is_seen = pane.for_each_side(p, |side| {
+            pane.for_each_side(p, |side| {
                 let inside = side.dot(s);
                 may_hold &= inside > 0.0 || inside * inside < sine * sine * side.length_squared();
                 scratch.sides.push(side);
             });
-            if is_seen {
-                scratch.cones.push(first..scratch.sides.len());
-                is_lit |= may_hold;
-            } else {
-                scratch.sides.truncate(first);
-            }
+            scratch.cones.push(first..scratch.sides.len());
+            is_lit |= may_hold;
         }
         is_lit
     }

@@ -5,7 +5,6 @@ use glam::{Vec2, Vec3};
 use super::*;
 use crate::asset::{Data, Metadata, Shell as ShellInfo};
 use crate::cubemap;
-use crate::indirect::N_NEAR;
 use crate::sh;
 use crate::sparse::{Encoder, Encoding, RowStore};
 
@@ -171,12 +170,13 @@ fn bounced_light_may_be_carried_from_direct_light() {
         Missing::carrier()
     );
     asset.insert("indirect.patch", &[V], Data::U16(Cow::Owned(vec![0; V])));
-    asset.insert("indirect.spread", &[1, 9, 3], Data::F32(Cow::Owned(vec![1.0 / 9.0; 27])));
-    // Rows of the vertices and of the one patch, which sees nothing near.
-    asset.insert_scaled("indirect.gather", &[V + 1, 9], &[0.5; (V + 1) * 9]);
-    let near = Data::U16(Cow::Owned(vec![0; (V + 1) * N_NEAR]));
-    asset.insert("indirect.near.patch", &[V + 1, N_NEAR], near);
-    asset.insert_scaled("indirect.near.share", &[V + 1, N_NEAR], &[0.0; (V + 1) * N_NEAR]);
+    asset.insert("indirect.tree", &[1, 2], Data::U16(Cow::Owned(vec![0, 0])));
+    asset.insert("indirect.part", &[1], Data::F32(Cow::Owned(vec![1.0])));
+    // Rows of the vertices and of the one patch, which does not see itself.
+    asset.insert("indirect.node", &[V + 1, 2], Data::U16(Cow::Owned(vec![0; 2 * (V + 1)])));
+    asset.insert("indirect.share", &[V + 1, 2], Data::U8(Cow::Owned(vec![5; 2 * (V + 1)])));
+    let scale = (0..=V).map(|row| if row < V { 0.01 } else { 0.0 }).collect();
+    asset.insert("indirect.scale", &[V + 1], Data::F32(Cow::Owned(scale)));
     let mut frame = PortalFrame::new(&asset).unwrap();
     assert_eq!(frame.indirect(), Indirect::Sh);
     frame.set_indirect(Indirect::DirectToIndirect).unwrap();
@@ -184,7 +184,7 @@ fn bounced_light_may_be_carried_from_direct_light() {
     let mut out = vec![[0.0; 3]; V];
     frame.add_indirect(0, &mut out);
     for e in out {
-        // One patch of albedo 1/2 reflects half of everything; spread and gather halve it again.
+        // One patch of albedo 1/2 reflects half of everything; two links of a quarter each halve it again.
         assert!((Vec3::from(e) - Vec3::new(1.0, 0.5, 0.0)).abs().max_element() < 1e-5, "{e:?}");
     }
     frame.set_indirect(Indirect::None).unwrap();

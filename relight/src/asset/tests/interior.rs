@@ -1,13 +1,12 @@
 //! What an interior adds: sparse rows and SH of a portal, and bounced light from direct light.
 
 use super::*;
-use crate::indirect::N_NEAR;
 use crate::portal_frame::PortalFrame;
 use crate::sparse::{Encoder, Encoding, RowStore};
 
-/// Patches and rank.
+/// Patches and links.
 const P: usize = 2;
-const K: usize = 2;
+const K: usize = 4;
 /// Rows of the three vertices and of the patches.
 const ROWS: usize = 3 + P;
 
@@ -23,11 +22,12 @@ fn room() -> Asset<'static> {
     }
     store.insert_into(&mut asset, "portal.0.direct", 8).unwrap();
     asset.insert_scaled("portal.0.indirect.sh", &[3, 4, 3], &[0.1; 36]);
-    asset.insert("indirect.patch", &[3], Data::U16(Cow::Owned(vec![0, 1, NO_PATCH])));
-    asset.insert("indirect.spread", &[P, K, 3], Data::F32(Cow::Owned(vec![0.1; P * K * 3])));
-    asset.insert_scaled("indirect.gather", &[ROWS, K], &[0.2; ROWS * K]);
-    asset.insert("indirect.near.patch", &[ROWS, N_NEAR], Data::U16(Cow::Owned(vec![1; ROWS * N_NEAR])));
-    asset.insert_scaled("indirect.near.share", &[ROWS, N_NEAR], &[0.02; ROWS * N_NEAR]);
+    asset.insert("indirect.patch", &[3], Data::U16(Cow::Owned(vec![1, 2, NO_PATCH])));
+    asset.insert("indirect.tree", &[3, 2], Data::U16(Cow::Owned(vec![1, 2, 0, 0, 0, 0])));
+    asset.insert("indirect.node", &[ROWS, K], Data::U16(Cow::Owned(vec![1; ROWS * K])));
+    asset.insert("indirect.share", &[ROWS, K], Data::U8(Cow::Owned(vec![100; ROWS * K])));
+    asset.insert("indirect.scale", &[ROWS], Data::F32(Cow::Owned(vec![1e-5; ROWS])));
+    asset.insert("indirect.part", &[3], Data::F32(Cow::Owned(vec![1.0, 0.5, 0.5])));
     asset
 }
 
@@ -47,7 +47,7 @@ fn interior_survives_a_round_trip_and_can_be_lit() {
     assert_eq!(back.to_bytes().unwrap(), bytes);
     let frame = PortalFrame::new(&back).unwrap();
     assert_eq!((frame.n_portals(), frame.resolution(0), frame.n_vertices()), (1, 8, 3));
-    assert!(crate::indirect::Carrier::open(&back).is_some_and(|carrier| carrier.rank() == K));
+    assert!(crate::indirect::Carrier::open(&back).is_some_and(|carrier| carrier.n_links() == K));
 }
 
 #[test]
@@ -74,17 +74,11 @@ fn every_flipped_byte_of_an_interior_is_an_error() {
 
 #[test]
 fn bounced_light_needs_all_of_its_tensors() {
-    let names = [
-        "indirect.patch",
-        "indirect.spread",
-        "indirect.gather",
-        "indirect.near.patch",
-        "indirect.near.share",
-    ];
+    let names = ["patch", "tree", "node", "share", "scale", "part"].map(|part| format!("indirect.{part}"));
     for name in names {
         let mut asset = room();
-        asset.tensors.remove(name);
-        assert_refused(&asset, name, "missing");
+        asset.tensors.remove(&name);
+        assert_refused(&asset, &name, "missing");
     }
     for name in ["start", "index", "value", "scale", "basis"] {
         let mut asset = room();
@@ -96,70 +90,55 @@ fn bounced_light_needs_all_of_its_tensors() {
 #[test]
 fn bounced_light_has_a_row_for_each_vertex_and_patch() {
     // One row or column too few or too many, and only the vertices.
-    for (rows, columns) in
-        [(ROWS - 1, N_NEAR), (ROWS + 1, N_NEAR), (3, N_NEAR), (ROWS, N_NEAR - 1), (0, N_NEAR)]
-    {
-        let n = rows * columns;
-        let mut asset = room();
-        asset.insert("indirect.near.patch", &[rows, columns], Data::U16(Cow::Owned(vec![0; n])));
-        assert_refused(&asset, "indirect.near.patch", "shape");
-        let mut asset = room();
-        asset.insert_scaled("indirect.near.share", &[rows, columns], &vec![0.1; n]);
-        assert_refused(&asset, "indirect.near.share", "shape");
-    }
     for (rows, k) in [(ROWS - 1, K), (ROWS + 1, K), (3, K), (ROWS, K + 1), (ROWS, 0)] {
         let mut asset = room();
-        asset.insert_scaled("indirect.gather", &[rows, k], &vec![0.1; rows * k]);
-        assert_refused(&asset, "indirect.gather", "shape");
+        asset.insert("indirect.share", &[rows, k], Data::U8(Cow::Owned(vec![1; rows * k])));
+        assert_refused(&asset, "indirect.share", "shape");
     }
-    // Another rank or number of patches than the rows have.
-    for (p, k) in [(P + 1, K), (P, K - 1), (0, K)] {
+    for rows in [ROWS - 1, ROWS + 1, 3] {
         let mut asset = room();
-        asset.insert("indirect.spread", &[p, k, 3], Data::F32(Cow::Owned(vec![0.1; p * k * 3])));
-        assert_refused(&asset, "indirect.", "shape");
-    }
-}
-
-#[test]
-fn bounced_light_points_to_no_patch_that_is_not_there() {
-    let mut asset = room();
-    asset.insert("indirect.patch", &[3], Data::U16(Cow::Owned(vec![0, P as u16, NO_PATCH])));
-    assert_refused(&asset, "indirect.patch", "vertex 1 points past patch 2");
-    for patch in [P as u16, NO_PATCH] {
-        let mut near = vec![0; ROWS * N_NEAR];
-        near[(ROWS - 1) * N_NEAR] = patch;
+        asset.insert("indirect.node", &[rows, K], Data::U16(Cow::Owned(vec![0; rows * K])));
+        assert_refused(&asset, "indirect.node", &format!("{rows} rows instead of {ROWS}"));
         let mut asset = room();
-        asset.insert("indirect.near.patch", &[ROWS, N_NEAR], Data::U16(Cow::Owned(near)));
-        assert_refused(&asset, "indirect.near.patch", "row 4 points past patch 2");
+        asset.insert("indirect.scale", &[rows], Data::F32(Cow::Owned(vec![0.0; rows])));
+        assert_refused(&asset, "indirect.scale", "shape");
     }
 }
 
 #[test]
 fn bounced_light_is_finite_and_of_its_types() {
-    for (name, columns) in [("indirect.gather", K), ("indirect.near.share", N_NEAR)] {
+    for (name, n) in [("indirect.scale", ROWS), ("indirect.part", 3)] {
         for bad in [f32::NAN, f32::INFINITY] {
-            let mut values = vec![0.1; ROWS * columns];
-            values[7] = bad;
+            let mut values = vec![0.1; n];
+            values[2] = bad;
             let mut asset = room();
-            asset.insert_scaled(name, &[ROWS, columns], &values);
-            assert_refused(&asset, name, "value 7 is not a finite number");
-        }
-        let mut asset = room();
-        asset.insert(name, &[ROWS, columns], Data::F32(Cow::Owned(vec![0.1; ROWS * columns])));
-        assert_refused(&asset, name, "F32 instead of F16");
-        for scale in [0.0, -1.0, f32::NAN] {
-            let mut asset = room();
-            asset.metadata.scale.insert(name.into(), scale);
-            // JSON has no NaN: such a file cannot even be described.
-            match asset.unchecked_bytes().map(|bytes| Asset::from_bytes(&bytes).err()) {
-                Ok(Some(error)) => assert!(!error.to_string().contains('\n'), "{error}"),
-                Ok(None) => panic!("{name}: scale {scale} went unnoticed"),
-                Err(_) => {}
-            }
-            assert!(asset.to_bytes().unwrap_err().to_string().contains("is not a positive number"));
+            asset.insert(name, &[n], Data::F32(Cow::Owned(values)));
+            assert_refused(&asset, name, "value 2 is not a finite number");
         }
     }
+    let name = "portal.0.indirect.sh";
+    for bad in [f32::NAN, f32::INFINITY] {
+        let mut values = vec![0.1; 36];
+        values[7] = bad;
+        let mut asset = room();
+        asset.insert_scaled(name, &[3, 4, 3], &values);
+        assert_refused(&asset, name, "value 7 is not a finite number");
+    }
+    for scale in [0.0, -1.0, f32::NAN] {
+        let mut asset = room();
+        asset.metadata.scale.insert(name.into(), scale);
+        // JSON has no NaN: such a file cannot even be described.
+        match asset.unchecked_bytes().map(|bytes| Asset::from_bytes(&bytes).err()) {
+            Ok(Some(error)) => assert!(!error.to_string().contains('\n'), "{error}"),
+            Ok(None) => panic!("{name}: scale {scale} went unnoticed"),
+            Err(_) => {}
+        }
+        assert!(asset.to_bytes().unwrap_err().to_string().contains("is not a positive number"));
+    }
     let mut asset = room();
-    asset.insert("indirect.near.patch", &[ROWS, N_NEAR], Data::U32(Cow::Owned(vec![0; ROWS * N_NEAR])));
-    assert_refused(&asset, "indirect.near.patch", "U32 instead of U16");
+    asset.insert("indirect.node", &[ROWS, K], Data::U32(Cow::Owned(vec![0; ROWS * K])));
+    assert_refused(&asset, "indirect.node", "U32 instead of U16");
+    let mut asset = room();
+    asset.insert("indirect.share", &[ROWS, K], Data::F32(Cow::Owned(vec![0.1; ROWS * K])));
+    assert_refused(&asset, "indirect.share", "F32 instead of U8");
 }

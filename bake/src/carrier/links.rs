@@ -1,0 +1,247 @@
+//! Rows of shares as links to nodes of the tree.
+//!
+//! A link says that its node's share S is spread over the node's patches by their area: F\[p\] ≈ S a_p / A. Under light
+//! that differs at random from spot to spot, all as large, that is off by the square root of
+//!
+//! e = b² (Σ F²\[p\] / a_p - S² / A),
+//!
+//! b being the node's expected brightness. From the root on, the link with the largest e is replaced by those to its two
+//! children, until there are K. What rays find has noise, which looks like detail: of N rays each brings a share w, and
+//! Σ w F\[p\] / a_p of the sum is expected to be that.
+//!
+//! Shares take a byte: S = scale q², since many links are small. What rounding leaves of one goes on to the next, and
+//! the scale is set last, so that the row keeps its sum.
+
+use std::collections::BinaryHeap;
+
+use rayon::prelude::*;
+
+use super::{Carrier, Tree};
+
+/// Part of the rays' Poisson noise that is left in a row: they are stratified, and rows are smoothed.
+const NOISE: f32 = 0.0;
+
+/// Finds the links of rows.
+pub struct Linker<'a> {
+    pub tree: &'a Tree,
+    /// Light expected to leave each patch.
+    pub bright: Vec<f32>,
+    /// Share of one ray, in the mean.
+    pub ray: f32,
+    /// K.
+    pub n_links: usize,
+}
+
+/// Rows of K links.
+pub struct Links {
+    n_links: usize,
+    node: Vec<u16>,
+    share: Vec<u8>,
+    scale: Vec<f32>,
+}
+
+/// What a row has of each node.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    share: f32,
+    /// Σ F² / a without its noise.
+    squares: f32,
+}
+
+/// A link that may be replaced.
+#[derive(PartialEq)]
+struct Open {
+    error: f32,
+    node: usize,
+}
+
+impl Eq for Open {}
+
+impl PartialOrd for Open {
+    fn partial_cmp(&self, other: &Open) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Open {
+    fn cmp(&self, other: &Open) -> std::cmp::Ordering {
+        self.error.total_cmp(&other.error).then(other.node.cmp(&self.node))
+    }
+}
+
+impl Linker<'_> {
+    /// The rows of some things, of which `fill` writes the shares of all patches into zeros.
+    pub fn link<T: Sync>(&self, weight: &[f32], things: &[T], fill: impl Fn(&T, &mut [f32]) + Sync) -> Links {
+        let leaves = self.tree.leaves();
+        // Of each node: weight, and brightness times weight.
+        let mut size = vec![(0.0f32, 0.0f32); self.tree.children.len()];
+        for ((&node, a), b) in leaves.iter().zip(weight).zip(&self.bright) {
+            size[node] = (*a, a * b);
+        }
+        for node in (0..size.len()).rev() {
+            let [l, r] = self.tree.children[node].map(usize::from);
+            if l > 0 {
+                size[node] = (size[l].0 + size[r].0, size[l].1 + size[r].1);
+            }
+        }
+        let rows: Vec<(Vec<(u16, u8)>, f32)> = things
+            .par_iter()
+            .map_init(
+                || (vec![0.0; leaves.len()], vec![Sums::default(); size.len()]),
+                |(dense, sums), thing| {
+                    dense.fill(0.0);
+                    fill(thing, dense);
+                    encode(self.choose(&leaves, weight, &size, dense, sums))
+                },
+            )
+            .collect();
+        let mut links = Links::new(self.n_links);
+        for (row, scale) in rows {
+            let rest = std::iter::repeat_n((0, 0), self.n_links - row.len());
+            for (node, q) in row.into_iter().chain(rest) {
+                links.node.push(node);
+                links.share.push(q);
+            }
+            links.scale.push(scale);
+        }
+        links
+    }
+
+    /// What each patch sends to all others, by area: by the rows themselves, and by their links.
+    pub fn sent<T>(
+        &self,
+        weight: &[f32],
+        areas: &[f32],
+        things: &[T],
+        fill: impl Fn(&T, &mut [f32]),
+        links: &Links,
+    ) -> (Vec<f32>, Vec<f32>) {
+        let leaves = self.tree.leaves();
+        let (mut all, mut dense) = (vec![0.0; leaves.len()], vec![0.0; leaves.len()]);
+        let mut nodes = vec![0.0f32; self.tree.children.len()];
+        for (i, (thing, area)) in things.iter().zip(areas).enumerate() {
+            dense.fill(0.0);
+            fill(thing, &mut dense);
+            all.iter_mut().zip(&dense).for_each(|(sum, share)| *sum += area * share);
+            let row = i * links.n_links..(i + 1) * links.n_links;
+            for (node, q) in links.node[row.clone()].iter().zip(&links.share[row]) {
+                nodes[usize::from(*node)] += area * links.scale[i] * f32::from(*q).powi(2);
+            }
+        }
+        // Down the tree, by weight.
+        let whole = self.wholes(weight);
+        for node in 0..nodes.len() {
+            for child in self.tree.children[node].map(usize::from).into_iter().filter(|c| *c > 0) {
+                nodes[child] += nodes[node] * whole[child] / whole[node].max(f32::MIN_POSITIVE);
+            }
+        }
+        (all, leaves.iter().map(|&node| nodes[node]).collect())
+    }
+
+    /// Weights of all nodes.
+    fn wholes(&self, weight: &[f32]) -> Vec<f32> {
+        wholes(self.tree, weight)
+    }
+
+    /// Nodes and their shares.
+    fn choose(
+        &self,
+        leaves: &[usize],
+        weight: &[f32],
+        size: &[(f32, f32)],
+        dense: &[f32],
+        sums: &mut [Sums],
+    ) -> Vec<(u16, f32)> {
+        for ((&node, &share), &a) in leaves.iter().zip(dense).zip(weight) {
+            let noise = NOISE * self.ray * share;
+            let squares = if a > 0.0 { (share * share - noise).max(0.0) / a } else { 0.0 };
+            sums[node] = Sums { share, squares };
+        }
+        for node in (0..sums.len()).rev() {
+            let [l, r] = self.tree.children[node].map(usize::from);
+            if l > 0 {
+                let (l, r) = (sums[l], sums[r]);
+                sums[node] = Sums { share: l.share + r.share, squares: l.squares + r.squares };
+            }
+        }
+        let open = |node: usize| {
+            let (Sums { share, squares }, (a, b)) = (sums[node], size[node]);
+            let is_patch = self.tree.children[node] == [0, 0];
+            let left = if is_patch || a <= 0.0 { 0.0 } else { (squares - share * share / a).max(0.0) };
+            Open { error: left * a * (b / a.max(f32::MIN_POSITIVE)).powi(2), node }
+        };
+        let mut heap = BinaryHeap::new();
+        if sums[0].share > 0.0 {
+            heap.push(open(0));
+        }
+        while heap.len() < self.n_links {
+            match heap.peek() {
+                Some(top) if top.error > 0.0 => {}
+                _ => break,
+            }
+            let Some(top) = heap.pop() else { break };
+            let children = self.tree.children[top.node].map(usize::from);
+            children.into_iter().filter(|&c| sums[c].share > 0.0).for_each(|c| heap.push(open(c)));
+        }
+        let mut chosen: Vec<(u16, f32)> =
+            heap.into_iter().map(|open| (open.node as u16, sums[open.node].share)).collect();
+        chosen.sort_unstable_by_key(|link| link.0);
+        chosen
+    }
+}
+
+/// Shares as bytes, and their scale.
+fn encode(links: Vec<(u16, f32)>) -> (Vec<(u16, u8)>, f32) {
+    let largest = links.iter().fold(0.0f32, |a, l| a.max(l.1));
+    if largest <= 0.0 {
+        return (Vec::new(), 0.0);
+    }
+    let scale = largest / (255.0 * 255.0);
+    let (mut carry, mut total, mut stored) = (0.0, 0.0f64, 0.0f64);
+    let encode = |(node, share): (u16, f32)| {
+        let wanted = (share + carry).max(0.0);
+        let q = (wanted / scale).sqrt().round().min(255.0);
+        carry = share + carry - scale * q * q;
+        total += f64::from(share);
+        stored += f64::from(scale * q * q);
+        (node, q as u8)
+    };
+    let row: Vec<(u16, u8)> = links.into_iter().map(encode).collect();
+    (row, (f64::from(scale) * total / stored) as f32)
+}
+
+impl Links {
+    pub fn new(n_links: usize) -> Links {
+        Links { n_links, node: Vec::new(), share: Vec::new(), scale: Vec::new() }
+    }
+
+    pub fn extend(&mut self, other: Links) {
+        self.node.extend(other.node);
+        self.share.extend(other.share);
+        self.scale.extend(other.scale);
+    }
+
+    pub fn into_carrier(self, tree: Tree, weight: &[f32]) -> Carrier {
+        let whole = wholes(&tree, weight);
+        let mut part = vec![1.0; whole.len()];
+        for (node, pair) in tree.children.iter().enumerate() {
+            for child in pair.map(usize::from).into_iter().filter(|c| *c > 0) {
+                part[child] = if whole[node] > 0.0 { whole[child] / whole[node] } else { 0.5 };
+            }
+        }
+        Carrier { part, tree, n_links: self.n_links, node: self.node, share: self.share, scale: self.scale }
+    }
+}
+
+/// Weights of all nodes, from those of the patches.
+fn wholes(tree: &Tree, weight: &[f32]) -> Vec<f32> {
+    let mut whole = vec![0.0; tree.children.len()];
+    tree.leaves().into_iter().zip(weight).for_each(|(node, w)| whole[node] = *w);
+    for node in (0..whole.len()).rev() {
+        let [l, r] = tree.children[node].map(usize::from);
+        if l > 0 {
+            whole[node] = whole[l] + whole[r];
+        }
+    }
+    whole
+}
