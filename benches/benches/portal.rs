@@ -15,7 +15,7 @@ use glam::{Vec2, Vec3};
 use half::f16;
 use lunette_bake as bake;
 use lunette_benches::duel;
-use lunette_relight::asset::{Asset, Metadata};
+use lunette_relight::asset::{Asset, Data, Metadata};
 use lunette_relight::cubemap::{self, ShTable};
 use lunette_relight::dot;
 use lunette_relight::indirect::{Carrier, Indirect};
@@ -194,7 +194,7 @@ fn frame() {
     });
     time("direct", [true; 2], &mut || parts(&mut direct, |first, out| frame.direct(first, out)));
     frame.set_indirect(Indirect::DirectToIndirect).expect("baked");
-    time("direct to indirect: patches", [true, false], &mut || frame.reflect(&direct));
+    time("direct to indirect: patches", [true, false], &mut || frame.reflect_parallel(&direct));
     time("direct to indirect: links", [true, false], &mut || {
         parts(&mut bounced, |first, out| frame.add_indirect(first, out));
     });
@@ -207,7 +207,7 @@ fn frame() {
 
 fn parts(out: &mut [[f32; 3]], work: impl Fn(usize, &mut [[f32; 3]]) + Sync) {
     use rayon::prelude::*;
-    let task = dot::ROWS_PER_TASK;
+    let task = 2048;
     out.par_chunks_mut(task).enumerate().for_each(|(i, out)| work(i * task, out));
 }
 

@@ -142,14 +142,14 @@ impl<'a> Engine<'a> {
             Engine::Sky(frame, _) => {
                 for_each_part(&mut direct, |first, out| frame.direct(first, out));
                 apply(&mut direct);
-                frame.reflect(&direct);
+                frame.reflect_parallel(&direct);
                 for_each_part(&mut indirect, |first, out| frame.add_indirect(first, out));
             }
             Engine::Interior(interior) => {
                 let frame = &mut interior.frame;
                 for_each_part(&mut direct, |first, out| frame.direct(first, out));
                 apply(&mut direct);
-                frame.reflect(&direct);
+                frame.reflect_parallel(&direct);
                 for_each_part(&mut indirect, |first, out| frame.add_indirect(first, out));
             }
         }
@@ -159,7 +159,7 @@ impl<'a> Engine<'a> {
 }
 
 /// Vertices of one task.
-const TASK: usize = 4096;
+const TASK: usize = 2048;
 
 fn for_each_part(out: &mut [[f32; 3]], work: impl Fn(usize, &mut [[f32; 3]]) + Sync) {
     use rayon::prelude::*;

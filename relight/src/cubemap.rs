@@ -27,6 +27,8 @@ mod sh_table;
 pub(crate) use disc::add_disc;
 pub(crate) use picture::accumulate as accumulate_picture;
 pub use project::project_light;
+#[cfg(feature = "rayon")]
+pub use project::project_light_parallel;
 pub use sh_table::ShTable;
 
 /// Texels along a side of a face: coarser shells cannot tell a window's light apart, finer ones cost more bytes

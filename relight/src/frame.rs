@@ -247,6 +247,17 @@ impl<'a> Frame<'a> {
         }
     }
 
+    /// As [`reflect`](Self::reflect), over all threads of the current rayon pool.
+    ///
+    /// # Panics
+    /// When `direct` is not one value per vertex.
+    #[cfg(feature = "rayon")]
+    pub fn reflect_parallel(&mut self, direct: &[[f32; 3]]) {
+        if let (Indirect::DirectToIndirect, Some(carrier)) = (self.carried, &mut self.carrier) {
+            carrier.reflect_parallel(direct);
+        }
+    }
+
     /// Adds the irradiance of light that has bounced to the vertices from `first` on; nothing where none is baked.
     ///
     /// # Panics
@@ -272,7 +283,7 @@ impl<'a> Frame<'a> {
         use rayon::prelude::*;
         let task = dot::ROWS_PER_TASK;
         out.par_chunks_mut(task).enumerate().for_each(|(i, out)| self.direct(i * task, out));
-        self.reflect(out);
+        self.reflect_parallel(out);
         out.par_chunks_mut(task).enumerate().for_each(|(i, out)| self.add_indirect(i * task, out));
     }
 

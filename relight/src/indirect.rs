@@ -91,6 +91,17 @@ const STEPS: usize = 16;
 /// The iteration ends when a step changes all light by less than this part of it.
 const CONVERGED: f32 = 1e-3;
 
+/// q² of a byte: a load in place of a conversion and a product.
+const SQUARES: [f32; 256] = {
+    let mut squares = [0.0; 256];
+    let mut q = 0;
+    while q < 256 {
+        squares[q] = (q * q) as f32;
+        q += 1;
+    }
+    squares
+};
+
 /// The direct-to-indirect part of an asset, and the bounced light of the moment.
 #[derive(Clone, Debug)]
 pub struct Carrier<'a> {
@@ -110,6 +121,8 @@ pub struct Carrier<'a> {
     reflected: Vec<Vec3>,
     /// Of each node: all that leaves it.
     leaving: Vec<Vec4>,
+    /// Of each leaf, in the next step.
+    next: Vec<Vec3>,
     steps: usize,
 }
 
@@ -131,7 +144,8 @@ impl<'a> Carrier<'a> {
         let children: &[[u16; 2]] = bytemuck::try_cast_slice(tree).ok()?;
         check(children, patch, node).ok()?;
         let leaves = leaves(children);
-        let rows = patch.len() + leaves.len();
+        let n_leaves = leaves.len();
+        let rows = patch.len() + n_leaves;
         if patch.len() != asset.n_vertices()
             || scale.len() != rows
             || node.len() != rows * n_links
@@ -160,6 +174,7 @@ impl<'a> Carrier<'a> {
             albedo,
             reflected: vec![Vec3::ZERO; children.len()],
             leaving: vec![Vec4::ZERO; children.len()],
+            next: vec![Vec3::ZERO; n_leaves],
             steps: bounces(asset).saturating_sub(1).min(STEPS),
         })
     }
@@ -169,6 +184,38 @@ impl<'a> Carrier<'a> {
     /// # Panics
     /// When `direct` is not one value per vertex.
     pub fn reflect(&mut self, direct: &[[f32; 3]]) {
+        self.begin(direct);
+        for _ in 0..self.steps {
+            let mut next = std::mem::take(&mut self.next);
+            next.iter_mut().enumerate().for_each(|(i, next)| *next = self.sent(i));
+            if !self.step(next) {
+                break;
+            }
+        }
+    }
+
+    /// As [`Carrier::reflect`], over all threads of the current rayon pool.
+    ///
+    /// # Panics
+    /// As [`Carrier::reflect`].
+    #[cfg(feature = "rayon")]
+    pub fn reflect_parallel(&mut self, direct: &[[f32; 3]]) {
+        use rayon::prelude::*;
+        self.begin(direct);
+        for _ in 0..self.steps {
+            let mut next = std::mem::take(&mut self.next);
+            let task = 128;
+            next.par_chunks_mut(task).enumerate().for_each(|(i, next)| {
+                next.iter_mut().enumerate().for_each(|(j, next)| *next = self.sent(i * task + j));
+            });
+            if !self.step(next) {
+                break;
+            }
+        }
+    }
+
+    /// What leaves the patches of direct light.
+    fn begin(&mut self, direct: &[[f32; 3]]) {
         assert_eq!(
             direct.len(),
             self.patch.len(),
@@ -184,22 +231,26 @@ impl<'a> Carrier<'a> {
             *b = r.extend(0.0);
         }
         self.average();
-        for _ in 0..self.steps {
-            let (mut change, mut all) = (Vec3::ZERO, Vec3::ZERO);
-            // The averages are those of the step before; patches that links name alone are the newest.
-            for i in 0..self.leaves.len() {
-                let leaf = usize::from(self.leaves[i]);
-                let arriving = self.arriving(self.patch.len() + i);
-                let next = self.reflected[leaf] + self.albedo[leaf] * arriving;
-                change += (next - self.leaving[leaf].truncate()).abs();
-                all += next;
-                self.leaving[leaf] = next.extend(0.0);
-            }
-            self.average();
-            if change.element_sum() <= CONVERGED * all.element_sum() {
-                break;
-            }
+    }
+
+    /// What leaves leaf `i` under what leaves all now.
+    fn sent(&self, i: usize) -> Vec3 {
+        let leaf = usize::from(self.leaves[i]);
+        self.reflected[leaf] + self.albedo[leaf] * self.arriving(self.patch.len() + i)
+    }
+
+    /// Takes on what leaves the patches; whether that changed anything worth another step.
+    fn step(&mut self, next: Vec<Vec3>) -> bool {
+        let (mut change, mut all) = (Vec3::ZERO, Vec3::ZERO);
+        for (leaf, next) in self.leaves.iter().zip(&next) {
+            let leaving = &mut self.leaving[usize::from(*leaf)];
+            change += (*next - leaving.truncate()).abs();
+            all += *next;
+            *leaving = next.extend(0.0);
         }
+        self.next = next;
+        self.average();
+        change.element_sum() > CONVERGED * all.element_sum()
     }
 
     /// Gives nodes with children their mean.
@@ -222,13 +273,11 @@ impl<'a> Carrier<'a> {
         let (shares, shares_rest) = shares.as_chunks::<4>();
         for (nodes, shares) in nodes.iter().zip(shares) {
             for ((sum, node), q) in sums.iter_mut().zip(nodes).zip(shares) {
-                let q = f32::from(*q);
-                *sum += q * q * self.leaving[usize::from(*node)];
+                *sum += SQUARES[usize::from(*q)] * self.leaving[usize::from(*node)];
             }
         }
         for (node, q) in nodes_rest.iter().zip(shares_rest) {
-            let q = f32::from(*q);
-            sums[0] += q * q * self.leaving[usize::from(*node)];
+            sums[0] += SQUARES[usize::from(*q)] * self.leaving[usize::from(*node)];
         }
         self.scale[row] * (sums[0] + sums[1] + (sums[2] + sums[3])).truncate()
     }

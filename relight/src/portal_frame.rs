@@ -325,6 +325,17 @@ impl<'a> PortalFrame<'a> {
         }
     }
 
+    /// As [`reflect`](Self::reflect), over all threads of the current rayon pool.
+    ///
+    /// # Panics
+    /// When `direct` is not one value per vertex.
+    #[cfg(feature = "rayon")]
+    pub fn reflect_parallel(&mut self, direct: &[[f32; 3]]) {
+        if let (Indirect::DirectToIndirect, Some(carrier)) = (self.indirect, &mut self.carrier) {
+            carrier.reflect_parallel(direct);
+        }
+    }
+
     /// Adds the irradiance of light that has bounced to the vertices from `first` on; nothing where none is baked.
     ///
     /// # Panics
@@ -358,7 +369,7 @@ impl<'a> PortalFrame<'a> {
         assert_eq!(out.len(), self.n_vertices, "one irradiance per vertex");
         let task = dot::ROWS_PER_TASK;
         out.par_chunks_mut(task).enumerate().for_each(|(i, out)| self.direct(i * task, out));
-        self.reflect(out);
+        self.reflect_parallel(out);
         out.par_chunks_mut(task).enumerate().for_each(|(i, out)| self.add_indirect(i * task, out));
     }
 

@@ -27,7 +27,7 @@ use crate::reference::hash;
 use crate::tracer::lambert;
 use glam::{Vec2, Vec3};
 use lunette_ffi::{Hits, Mask, NO_HIT, Packet, Ray};
-use lunette_relight::cubemap::{self, RESOLUTIONS, n_texels, project_light};
+use lunette_relight::cubemap::{self, RESOLUTIONS, n_texels, project_light, project_light_parallel};
 use lunette_relight::light::{Cap, Light, SMOOTH_ORDER, Source, split};
 use lunette_relight::sh;
 use rayon::prelude::*;
@@ -71,7 +71,7 @@ impl Backdrop {
             return Err(Error::Options { what });
         }
         let mut rest = vec![[0.0; 3]; n_texels(n)];
-        project_light(light, n, &mut rest);
+        project_light_parallel(light, n, &mut rest);
         let suns: Vec<Sun> = suns(light).map(|cap| sun(cap, n)).collect();
         for (texel, share) in suns.iter().flat_map(|sun| &sun.shares) {
             // What rounding leaves of a sun may be below 0.

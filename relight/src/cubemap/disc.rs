@@ -38,16 +38,22 @@ pub(crate) fn add_disc(n: usize, cap: &Cap, up: Option<Vec3>, out: &mut [[f32; 3
         up: up.map(|up| up.as_dvec3()),
         smallest: (radius * BOX_OF_RADIUS).min(cell * BOX_OF_TEXEL),
     };
-    let found: f64 = (0..n_texels(n)).map(|t| disc.covered_texel(n, t)).sum();
+    // Texels farther from the axis than this, by cosine, cannot touch the disc: a texel's corner is at most as far from
+    // its middle as in the middle of a face.
+    let aside = cap.radius + std::f32::consts::SQRT_2 * (1.0 / n as f32).atan() + 1e-3;
+    let least = if aside < std::f32::consts::PI { aside.cos() } else { -1.1 };
+    let axis = cap.axis.normalize();
+    let near = |t: &usize| super::direction(n, *t, glam::Vec2::splat(0.5)).dot(axis) >= least;
+    let found: f64 = (0..n_texels(n)).filter(near).map(|t| disc.covered_texel(n, t)).sum();
     if found <= 0.0 {
         return;
     }
     let scale = cap::area(radius) / found;
-    for (t, texel) in out.iter_mut().enumerate() {
+    for t in (0..n_texels(n)).filter(near) {
         let covered = disc.covered_texel(n, t);
         if covered > 0.0 {
             let share = covered * scale / f64::from(super::solid_angle(n, t));
-            super::project::add(texel, cap.radiance * share as f32);
+            super::project::add(&mut out[t], cap.radiance * share as f32);
         }
     }
 }

@@ -14,7 +14,7 @@ use glam::{Vec2, Vec3};
 use super::{direction, disc, n_texels, picture, sample};
 use crate::light::quadrature::gauss_legendre;
 use crate::light::sky::compass_direction;
-use crate::light::{Light, Sky, Source};
+use crate::light::{Light, Source};
 
 /// Writes the average radiance of `light` over each texel of an `n` x `n` x 6 cubemap to `out`. The energy
 /// Σ out\[t\] Ω\[t\] is that of the light to 1e-3. Allocates only for a picture that was last asked for at another
@@ -23,6 +23,28 @@ use crate::light::{Light, Sky, Source};
 /// # Panics
 /// When `out` does not have 6 n² texels, or n is 0.
 pub fn project_light(light: &Light, n: usize, out: &mut [[f32; 3]]) {
+    project(light, n, out, |smooth, out| smooth(0, out));
+}
+
+/// As [`project_light`], over all threads of the current rayon pool.
+///
+/// # Panics
+/// As [`project_light`].
+#[cfg(feature = "rayon")]
+pub fn project_light_parallel(light: &Light, n: usize, out: &mut [[f32; 3]]) {
+    use rayon::prelude::*;
+    // A few rows: texels below the horizon cost nothing, those about the sun much.
+    let task = 4 * n;
+    project(light, n, out, |smooth, out| {
+        out.par_chunks_mut(task).enumerate().for_each(|(i, out)| smooth(i * task, out));
+    });
+}
+
+/// Adds a smooth light to the texels from one on.
+type AddSmooth<'a> = &'a (dyn Fn(usize, &mut [[f32; 3]]) + Sync);
+
+/// Projects all sources; `spread` has smooth ones added to all texels.
+fn project(light: &Light, n: usize, out: &mut [[f32; 3]], spread: impl Fn(AddSmooth, &mut [[f32; 3]])) {
     assert!(n > 0 && out.len() == n_texels(n), "a cubemap of side {n} has {} texels", n_texels(n));
     out.fill([0.0; 3]);
     for source in &light.sources {
@@ -30,22 +52,20 @@ pub fn project_light(light: &Light, n: usize, out: &mut [[f32; 3]]) {
             Source::Uniform(radiance) => out.iter_mut().for_each(|texel| add(texel, *radiance)),
             Source::CieOvercast(sky) => {
                 let view = Smooth { up: sky.up, focus: None };
-                add_smooth(n, &view, |d| sky.radiance(d), out);
+                spread(&|first, out| add_smooth(n, &view, |d| sky.radiance(d), first, out), out);
             }
             Source::Cap(cap) => disc::add_disc(n, cap, None, out),
-            Source::Sky(sky) => add_sky(n, sky, out),
+            Source::Sky(sky) => {
+                // In twilight the glow stays at the horizon.
+                let glow = sky.orientation() * compass_direction(sky.azimuth(), sky.elevation().max(0.0));
+                let view = Smooth { up: sky.up(), focus: Some(glow) };
+                spread(&|first, out| add_smooth(n, &view, |d| sky.dome_radiance(d), first, out), out);
+                if let Some(sun) = sky.sun_above_horizon() {
+                    disc::add_disc(n, &sun, Some(sky.up()), out);
+                }
+            }
             Source::Equirect(image) => picture::add_picture(n, image, out),
         }
-    }
-}
-
-fn add_sky(n: usize, sky: &Sky, out: &mut [[f32; 3]]) {
-    // In twilight the glow stays at the horizon.
-    let glow = sky.orientation() * compass_direction(sky.azimuth(), sky.elevation().max(0.0));
-    let view = Smooth { up: sky.up(), focus: Some(glow) };
-    add_smooth(n, &view, |d| sky.dome_radiance(d), out);
-    if let Some(sun) = sky.sun_above_horizon() {
-        disc::add_disc(n, &sun, Some(sky.up()), out);
     }
 }
 
@@ -137,10 +157,10 @@ impl Smooth {
     }
 }
 
-/// Adds the averages of a radiance that is 0 below the horizon.
-fn add_smooth(n: usize, view: &Smooth, radiance: impl Fn(Vec3) -> Vec3, out: &mut [[f32; 3]]) {
+/// Adds the averages of a radiance that is 0 below the horizon to the texels from `first` on.
+fn add_smooth(n: usize, view: &Smooth, radiance: impl Fn(Vec3) -> Vec3, first: usize, out: &mut [[f32; 3]]) {
     let size = 2.0 / n as f32;
-    for (t, texel) in out.iter_mut().enumerate() {
+    for (t, texel) in (first..).zip(out) {
         if let Some(rule) = view.rule(n, t, size) {
             add(texel, average(n, t, rule, &radiance));
         }
