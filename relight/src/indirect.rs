@@ -86,10 +86,10 @@ enum Kind {
 const WIDEST_SUN: f32 = 0.4;
 
 /// Most steps by which B is found, each a bounce.
-const STEPS: usize = 16;
+const STEPS: usize = 64;
 
 /// The iteration ends when a step changes all light by less than this part of it.
-const CONVERGED: f32 = 1e-3;
+const CONVERGED: f32 = 3e-4;
 
 /// q² of a byte: a load in place of a conversion and a product.
 const SQUARES: [f32; 256] = {
