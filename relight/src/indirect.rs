@@ -369,7 +369,8 @@ fn weights(asset: &Asset, patch: &[u16], area: &[f64], node_area: &[f64]) -> Vec
     patch.iter().zip(area).zip(reflectance(asset)).map(weight).collect()
 }
 
-fn vertex_area(asset: &Asset) -> Vec<f64> {
+/// A third of its triangles' area for each vertex, m².
+pub(crate) fn vertex_area(asset: &Asset) -> Vec<f64> {
     let position = asset.positions();
     let mut area = vec![0.0; position.len()];
     for triangle in asset.triangles() {

@@ -11,10 +11,15 @@
 //! E = L Σ over texels t of ∫ over disc ∩ t ∩ portal ∩ lit side of max(n·ω, 0) dω
 //! ```
 //!
+//! A vertex stands for its cell of the mesh, a third of its triangles, and where the beam's edge crosses the cell the mean
+//! over it is wanted: a beam sampled at points here and there has not its own power, which shows in all that it lights.
+//! Cells are blurred as if the disc were so much larger as the cell is, seen from the window; discs of a few sizes are
+//! kept ready.
+//!
 //! Vertices that the disc cannot reach are told by their place across the beam, in a grid of which each cell knows its
 //! polygons; the others' rows are read at the few texels that the disc touches and around them.
 //!
-//! Where it breaks: shadows whose edge bends within a texel, or that have two; bars and leaves finer than
+//! Where it breaks: what hides the sun from near by is blurred as if it were as far as the window; shadows whose edge bends within a texel, or that have two; bars and leaves finer than
 //! texels dim the disc evenly; a share within
 //! [`ROUNDING`] of nothing or of all counts as that, since rows are rounded; integrals over cut texels take the middle
 //! for the mean, which is 1e-3 off at 32 texels on a side and 1e-2 at 8.
@@ -29,11 +34,15 @@ use glam::{Vec2, Vec3};
 use crate::asset::{Asset, Data, Error};
 use crate::cubemap::footprint::{Eye, Footprint, vector_area};
 use crate::cubemap::{face_axes, place};
+use crate::indirect::vertex_area;
 use crate::light::Cap;
 use crate::sparse::{Basis, Probe, Rows};
 
 /// Discs of a larger radius than this, radians, are left to the texels, against which they are broad.
 const LARGEST: f32 = 0.125;
+
+/// By how much discs are enlarged for cells, radians: at first, and then twice as much each time up to [`LARGEST`].
+const LEAST_BLUR: f32 = 0.004;
 
 /// Corners of the polygon that stands for a disc.
 const CORNERS: usize = 24;
@@ -68,6 +77,8 @@ pub struct Panes<'a> {
     normal: &'a [[f32; 3]],
     /// No two vertices are farther apart, metres.
     size: f32,
+    /// Of a disc as large as each vertex's cell, metres.
+    cell: Vec<f32>,
 }
 
 /// A convex polygon, counter-clockwise as seen from the interior.
@@ -83,20 +94,31 @@ struct Pane<'a> {
 /// A disc through a portal.
 pub struct Beam {
     disc: Cap,
-    /// Those that the disc touches, then those around them on the same face.
-    pieces: Vec<Piece>,
-    n_touched: usize,
-    points: Vec<Vec2>,
-    probe: Probe,
+    /// As it is, then larger and larger, of which the first `n_sizes` are meant.
+    sizes: Vec<Size>,
+    n_sizes: usize,
     /// Across the beam.
     axes: [Vec3; 2],
     low: Vec2,
     cells_per_metre: Vec2,
     /// Which polygons may be seen before the disc's texels from a cell: polygon i by bit i % 64.
     grid: Vec<u64>,
-    footprint: Footprint,
+}
+
+/// The disc, enlarged for cells that it cannot tell apart, cut into texels.
+#[derive(Default)]
+struct Size {
+    radius: f32,
+    /// Those that the disc touches, then those around them on the same face.
+    pieces: Vec<Piece>,
+    n_touched: usize,
+    points: Vec<Vec2>,
+    probe: Probe,
     /// Cosine below which a direction is in no texel of the disc.
     reach: f32,
+    footprint: Footprint,
+    /// What is to be multiplied to have the disc's own power.
+    power: f32,
 }
 
 /// A texel, and the part of the disc in it.
@@ -143,7 +165,9 @@ impl<'a> Panes<'a> {
             (l.min(Vec3::from(*p)), h.max(Vec3::from(*p)))
         });
         let (position, normal) = (asset.positions(), asset.normals());
-        Ok(Some(Panes { polygons, open, position, normal, size: (high - low).length() }))
+        let cell =
+            vertex_area(asset).iter().map(|area| (area / std::f64::consts::PI).sqrt() as f32).collect();
+        Ok(Some(Panes { polygons, open, position, normal, size: (high - low).length(), cell }))
     }
 }
 
@@ -180,16 +204,12 @@ impl Beam {
     pub fn new() -> Beam {
         Beam {
             disc: Cap { axis: Vec3::Y, radius: 0.0, radiance: Vec3::ZERO },
-            pieces: Vec::new(),
-            n_touched: 0,
-            points: Vec::new(),
-            probe: Probe::default(),
+            sizes: Vec::new(),
+            n_sizes: 0,
             axes: [Vec3::X, Vec3::Z],
             low: Vec2::ZERO,
             cells_per_metre: Vec2::ZERO,
             grid: vec![0; GRID * GRID],
-            footprint: Footprint::default(),
-            reach: 1.0,
         }
     }
 
@@ -201,8 +221,16 @@ impl Beam {
     /// Takes on a disc that shines through the panes of a portal of `n` x `n` x 6 texels.
     pub fn set(&mut self, disc: &Cap, n: usize, panes: &Panes) {
         self.disc = *disc;
-        self.cut(n);
-        self.probe.set(n, self.pieces.iter().map(|piece| piece.texel));
+        let blurs = std::iter::successors(Some(LEAST_BLUR), |blur| Some(2.0 * blur));
+        let larger = blurs.map(|blur| blur.hypot(disc.radius)).take_while(|radius| *radius <= LARGEST);
+        self.n_sizes = 0;
+        for radius in std::iter::once(disc.radius).chain(larger.filter(|r| *r > 1.1 * disc.radius)) {
+            if self.sizes.len() == self.n_sizes {
+                self.sizes.push(Size::default());
+            }
+            self.sizes[self.n_sizes].cut(disc, radius, n);
+            self.n_sizes += 1;
+        }
         self.spread(panes);
     }
 
@@ -216,47 +244,6 @@ impl Beam {
         self.disc.axis
     }
 
-    /// Cuts the disc into texels.
-    fn cut(&mut self, n: usize) {
-        let axis = self.disc.axis;
-        let (s, t) = axis.any_orthonormal_pair();
-        let step = 2.0 * PI / CORNERS as f32;
-        // As large as the disc: N/2 sin(2π/N) r² = π tan² radius.
-        let radius = self.disc.radius.tan() * (step / step.sin()).sqrt();
-        let corners: [Vec3; CORNERS] = std::array::from_fn(|i| {
-            let (sine, cosine) = (i as f32 * step).sin_cos();
-            axis + radius * (cosine * s + sine * t)
-        });
-        self.footprint.clear();
-        self.footprint.add_polygon(&Eye { origin: Vec3::ZERO, normal: axis, n }, 0, &corners);
-        self.pieces.clear();
-        self.points.clear();
-        for cell in &self.footprint.cells {
-            let first = self.points.len();
-            self.points.extend(self.footprint.points(cell));
-            let (face, [column, row]) = place(n, cell.texel);
-            self.pieces.push(Piece::new(n, [face, column, row], &self.points, first..self.points.len()));
-        }
-        // What rounding and the corners have left: the vector of a disc is π sin² radius along its axis.
-        let found = self.pieces.iter().map(|piece| piece.part).sum::<Vec3>().dot(axis);
-        let scale = PI * self.disc.radius.sin().powi(2) / found.max(f32::MIN_POSITIVE);
-        self.pieces.iter_mut().for_each(|piece| piece.part *= scale);
-        self.n_touched = self.pieces.len();
-        for i in 0..self.n_touched {
-            let (face, column, row) = (self.pieces[i].face, self.pieces[i].column, self.pieces[i].row);
-            for (x, y) in (0..9).map(|k| (column + k % 3, row + k / 3)) {
-                let is_on_face = (1..=n).contains(&x) && (1..=n).contains(&y);
-                let is_here = |p: &Piece| (p.face, p.column + 1, p.row + 1) == (face, x, y);
-                if is_on_face && !self.pieces.iter().any(is_here) {
-                    self.pieces.push(Piece::new(n, [face, x - 1, y - 1], &self.points, 0..0));
-                }
-            }
-        }
-        let corners = self.pieces.iter().flat_map(|p| p.corners.map(|c| (p.axes, c)));
-        let cosine = corners.map(|(a, c)| (a[0] + c.x * a[1] + c.y * a[2]).normalize().dot(axis));
-        self.reach = cosine.fold(1.0, f32::min);
-    }
-
     /// Fills the grid.
     fn spread(&mut self, panes: &Panes) {
         let (u, v) = self.disc.axis.any_orthonormal_pair();
@@ -264,7 +251,8 @@ impl Beam {
         self.grid.fill(0);
         let flat = |p: Vec3| Vec2::new(p.dot(u), p.dot(v));
         // Farther than this from a polygon, across, none of its light in these texels arrives.
-        let reach = self.reach.clamp(0.1, 1.0);
+        let reach = self.sizes[..self.n_sizes].iter().fold(1.0, |least: f32, size| least.min(size.reach));
+        let reach = reach.clamp(0.1, 1.0);
         let aside = panes.size * (1.0 - reach * reach).sqrt() / reach;
         let extent = |pane: &Pane| (flat(pane.centre), pane.radius + aside);
         let (low, high) = panes
@@ -300,18 +288,106 @@ impl Beam {
     /// E = L x this of vertex `v`, steradians.
     pub fn transfer(&self, v: usize, panes: &Panes, rows: &Rows, scratch: &mut Scratch) -> f32 {
         let (p, n) = (Vec3::from(panes.position[v]), Vec3::from(panes.normal[v]));
-        if n.dot(self.disc.axis) <= -self.disc.radius.sin() {
+        let cosine = n.dot(self.disc.axis);
+        let widest = self.sizes[self.n_sizes - 1].radius;
+        if cosine <= -widest.sin() {
             return 0.0;
         }
         scratch.clear();
         if panes.open.binary_search(&(v as u32)).is_ok() {
             scratch.begin();
-        } else {
-            let bits = self.candidates(p);
-            if bits == 0 || !self.find(p, bits, panes, scratch) {
-                return 0.0;
+            return self.sizes[0].transfer((v, n), rows, scratch);
+        }
+        let bits = self.candidates(p);
+        if bits == 0 {
+            return 0.0;
+        }
+        let Some(way) = self.find(p, bits, panes, widest, scratch) else { return 0.0 };
+        // As large as the cell looks from the window.
+        let cell = panes.cell[v] * cosine.max(0.0).sqrt();
+        let wanted = (cell / way).hypot(self.disc.radius);
+        let sizes = &self.sizes[..self.n_sizes];
+        let above = sizes.partition_point(|size| size.radius < wanted).min(sizes.len() - 1);
+        let below = above.saturating_sub(1);
+        let is_nearer = wanted * wanted < sizes[below].radius * sizes[above].radius;
+        sizes[if is_nearer { below } else { above }].transfer((v, n), rows, scratch)
+    }
+
+    /// Lists the sides of all polygons near the disc; the way to the nearest one that may hold a part of it at its widest.
+    fn find(&self, p: Vec3, bits: u64, panes: &Panes, widest: f32, scratch: &mut Scratch) -> Option<f32> {
+        let (s, sine) = (self.disc.axis, widest.sin());
+        let mut nearest: Option<f32> = None;
+        for (i, pane) in panes.polygons.iter().enumerate() {
+            let along = (pane.centre - p).dot(s);
+            if bits >> (i % 64) & 1 == 0 || along < -pane.radius {
+                continue;
+            }
+            let first = scratch.sides.len();
+            let mut may_hold = true;
+            pane.for_each_side(p, |side| {
+                let inside = side.dot(s);
+                may_hold &= inside > 0.0 || inside * inside < sine * sine * side.length_squared();
+                scratch.sides.push(side);
+            });
+            scratch.cones.push(first..scratch.sides.len());
+            if may_hold {
+                // Where the axis meets the pane's plane.
+                let slope = pane.normal.dot(s);
+                let way = pane.normal.dot(pane.centre - p) / slope;
+                let way = if way.is_finite() { way } else { along };
+                let way = way.clamp(1e-3 * pane.radius, 2.0 * panes.size);
+                nearest = Some(nearest.map_or(way, |n| n.min(way)));
             }
         }
+        nearest
+    }
+}
+
+impl Size {
+    /// Cuts a disc of another radius and the same power into texels.
+    fn cut(&mut self, disc: &Cap, radius: f32, n: usize) {
+        self.radius = radius;
+        let axis = disc.axis;
+        let (s, t) = axis.any_orthonormal_pair();
+        let step = 2.0 * PI / CORNERS as f32;
+        // As large as the disc: N/2 sin(2π/N) r² = π tan² radius.
+        let rim = radius.tan() * (step / step.sin()).sqrt();
+        let corners: [Vec3; CORNERS] = std::array::from_fn(|i| {
+            let (sine, cosine) = (i as f32 * step).sin_cos();
+            axis + rim * (cosine * s + sine * t)
+        });
+        self.footprint.clear();
+        self.footprint.add_polygon(&Eye { origin: Vec3::ZERO, normal: axis, n }, 0, &corners);
+        self.pieces.clear();
+        self.points.clear();
+        for cell in &self.footprint.cells {
+            let first = self.points.len();
+            self.points.extend(self.footprint.points(cell));
+            let (face, [column, row]) = place(n, cell.texel);
+            self.pieces.push(Piece::new(n, [face, column, row], &self.points, first..self.points.len()));
+        }
+        // The vector of the disc as it is: π sin² radius along its axis.
+        let found = self.pieces.iter().map(|piece| piece.part).sum::<Vec3>().dot(axis);
+        self.power = PI * disc.radius.sin().powi(2) / found.max(f32::MIN_POSITIVE);
+        self.n_touched = self.pieces.len();
+        for i in 0..self.n_touched {
+            let (face, column, row) = (self.pieces[i].face, self.pieces[i].column, self.pieces[i].row);
+            for (x, y) in (0..9).map(|k| (column + k % 3, row + k / 3)) {
+                let is_on_face = (1..=n).contains(&x) && (1..=n).contains(&y);
+                let is_here = |p: &Piece| (p.face, p.column + 1, p.row + 1) == (face, x, y);
+                if is_on_face && !self.pieces.iter().any(is_here) {
+                    self.pieces.push(Piece::new(n, [face, x - 1, y - 1], &self.points, 0..0));
+                }
+            }
+        }
+        let corners = self.pieces.iter().flat_map(|p| p.corners.map(|c| (p.axes, c)));
+        let cosine = corners.map(|(a, c)| (a[0] + c.x * a[1] + c.y * a[2]).normalize().dot(axis));
+        self.reach = cosine.fold(1.0, f32::min);
+        self.probe.set(n, self.pieces.iter().map(|piece| piece.texel));
+    }
+
+    /// What of it arrives at a vertex with this normal, through the cones found for it.
+    fn transfer(&self, (v, n): (usize, Vec3), rows: &Rows, scratch: &mut Scratch) -> f32 {
         scratch.texels.resize(self.pieces.len(), 0.0);
         rows.probe(v, &self.probe, &mut scratch.texels);
         let rounding = ROUNDING[usize::from(rows.basis(v) == Basis::Haar)];
@@ -328,7 +404,7 @@ impl Beam {
                 }
             }
         }
-        sum
+        self.power * sum
     }
 
     /// Of a texel and of the disc's part in it what lies within the portal.
@@ -385,29 +461,6 @@ impl Beam {
             lit += part.clipped(whole.line(way, share, horizon)).worth(horizon);
         }
         trust * lit + (1.0 - trust) * share * part
-    }
-
-    /// Lists the sides of all polygons near the disc; whether one of them may hold a part of it.
-    fn find(&self, p: Vec3, bits: u64, panes: &Panes, scratch: &mut Scratch) -> bool {
-        let (s, sine) = (self.disc.axis, self.disc.radius.sin());
-        let mut is_lit = false;
-        for (i, pane) in panes.polygons.iter().enumerate() {
-            let to = pane.centre - p;
-            let along = to.dot(s);
-            if bits >> (i % 64) & 1 == 0 || along < -pane.radius {
-                continue;
-            }
-            let first = scratch.sides.len();
-            let mut may_hold = true;
-            pane.for_each_side(p, |side| {
-                let inside = side.dot(s);
-                may_hold &= inside > 0.0 || inside * inside < sine * sine * side.length_squared();
-                scratch.sides.push(side);
-            });
-            scratch.cones.push(first..scratch.sides.len());
-            is_lit |= may_hold;
-        }
-        is_lit
     }
 
     /// What of the texel and of the disc's part in it lies within the sides and above the horizon.
