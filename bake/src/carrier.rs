@@ -99,12 +99,12 @@ pub fn carrier(
     let n_vertices = scene.mesh.position.len();
     let area = scene.mesh.vertex_area();
     let most = options.patches.min(n_vertices.div_ceil(4)).max(1);
-    let tree = Tree::new(scene, &area, lie.unlit, most);
+    let tree = Tree::new(scene, &sizes(&area), lie.unlit, most);
     let leaf = tree.leaf_of_vertices();
-    let rays_per_vertex = options.rays.max(FEWEST_RAYS).next_multiple_of(LANES);
-    let sets = HemisphereSets::new(rays_per_vertex, hash(options.seed, 0xf1));
+    let rays = options.rays.max(FEWEST_RAYS).next_multiple_of(LANES);
+    let sets = HemisphereSets::new(rays, hash(options.seed, 0xf1));
     let done = std::sync::atomic::AtomicU64::new(0);
-    let total = (n_vertices * rays_per_vertex) as u64;
+    let total = (n_vertices * rays) as u64;
     let pass = Pass {
         surface,
         sets: &sets,
@@ -123,12 +123,8 @@ pub fn carrier(
         rho: vertex_reflectance(scene).iter().map(|rho| rho.element_sum() / 3.0).collect(),
     };
     let reached = patches.reached(&rows, lie.uniform);
-    let linker = Linker {
-        tree: &tree,
-        bright: patches.brightness(&rows, lie.uniform),
-        ray: 1.0 / rays_per_vertex as f32,
-        n_links: options.links,
-    };
+    let linker =
+        Linker { tree: &tree, bright: patches.brightness(&rows, lie.uniform), n_links: options.links };
     let sees_light = |v: usize| rows.of(v).any(|(p, _)| reached[p]);
     let of_vertex = |&v: &usize, dense: &mut [f32]| {
         // Not a trace of light where none can come.
@@ -164,6 +160,14 @@ pub fn carrier(
     }
     all.extend(linker.link(&weight, &patches.members, of_patch));
     Ok(all.into_carrier(tree, &weight))
+}
+
+/// What counts in the cutting of patches, of each vertex: half its part of the area, half its part of all vertices, which
+/// are closer together where there is more to see.
+fn sizes(area: &[f32]) -> Vec<f32> {
+    let whole: f64 = area.iter().map(|a| f64::from(*a)).sum();
+    let mean = (whole / area.len().max(1) as f64) as f32;
+    area.iter().map(|a| 0.5 * (a + mean)).collect()
 }
 
 /// F, sparse: of each vertex the patches that its rays meet.

@@ -1,13 +1,16 @@
 //! Rows of shares as links to nodes of the tree.
 //!
-//! A link says that its node's share S is spread over the node's patches by their area: F\[p\] ≈ S a_p / A. Under light
-//! that differs at random from spot to spot, all as large, that is off by the square root of
+//! A link says that its node's share S is spread over the node's patches by their weights w: F\[p\] ≈ S w_p / W. What
+//! it then gets wrong, under light that differs from patch to patch, is at most about
 //!
-//! e = b² (Σ F²\[p\] / a_p - S² / A),
+//! b Σ |F\[p\] - S w_p / W| <= b √(W Σ F²\[p\] / w_p - S²),
 //!
-//! b being the node's expected brightness. From the root on, the link with the largest e is replaced by those to its two
-//! children, until there are K. What rays find has noise, which looks like detail: of N rays each brings a share w, and
-//! Σ w F\[p\] / a_p of the sum is expected to be that.
+//! b being the node's expected brightness. From the root on, the link with the largest such bound is replaced by those to
+//! its two children, until there are K.
+//!
+//! Weights are areas at first. But then a patch that many rows see more of than of its neighbours would send out too
+//! little in all, and the room would be darker than it is: weights are multiplied by what the patches' rows themselves
+//! say that a patch sends, over what their links do, and links are chosen again.
 //!
 //! Shares take a byte: S = scale q², since many links are small. What rounding leaves of one goes on to the next, and
 //! the scale is set last, so that the row keeps its sum.
@@ -18,16 +21,11 @@ use rayon::prelude::*;
 
 use super::{Carrier, Tree};
 
-/// Part of the rays' Poisson noise that is left in a row: they are stratified, and rows are smoothed.
-const NOISE: f32 = 0.0;
-
 /// Finds the links of rows.
 pub struct Linker<'a> {
     pub tree: &'a Tree,
     /// Light expected to leave each patch.
     pub bright: Vec<f32>,
-    /// Share of one ray, in the mean.
-    pub ray: f32,
     /// K.
     pub n_links: usize,
 }
@@ -44,7 +42,7 @@ pub struct Links {
 #[derive(Clone, Copy, Default)]
 struct Sums {
     share: f32,
-    /// Σ F² / a without its noise.
+    /// Σ F² / w.
     squares: f32,
 }
 
@@ -129,18 +127,13 @@ impl Linker<'_> {
             }
         }
         // Down the tree, by weight.
-        let whole = self.wholes(weight);
+        let whole = wholes(self.tree, weight);
         for node in 0..nodes.len() {
             for child in self.tree.children[node].map(usize::from).into_iter().filter(|c| *c > 0) {
                 nodes[child] += nodes[node] * whole[child] / whole[node].max(f32::MIN_POSITIVE);
             }
         }
         (all, leaves.iter().map(|&node| nodes[node]).collect())
-    }
-
-    /// Weights of all nodes.
-    fn wholes(&self, weight: &[f32]) -> Vec<f32> {
-        wholes(self.tree, weight)
     }
 
     /// Nodes and their shares.
@@ -153,8 +146,7 @@ impl Linker<'_> {
         sums: &mut [Sums],
     ) -> Vec<(u16, f32)> {
         for ((&node, &share), &a) in leaves.iter().zip(dense).zip(weight) {
-            let noise = NOISE * self.ray * share;
-            let squares = if a > 0.0 { (share * share - noise).max(0.0) / a } else { 0.0 };
+            let squares = if a > 0.0 { share * share / a } else { 0.0 };
             sums[node] = Sums { share, squares };
         }
         for node in (0..sums.len()).rev() {
