@@ -1,7 +1,7 @@
 //! Direct-to-indirect transport: bounced light as a function of the direct light, whatever shines.
 //!
 //! The surface is halved again and again, down to P patches: a binary tree of 2 P - 1 nodes ([`tree`]). With R the light
-//! that leaves a patch of itself (albedo times direct irradiance, mean over the patch), F\[v,p\] the share of the
+//! that leaves a patch of itself (albedo times direct irradiance, mean over the patch by what its vertices see of others), F\[v,p\] the share of the
 //! cosine-weighted hemisphere of v that patch p fills, and F̄ the mean of F over the vertices of a patch, the light that
 //! leaves a patch in all is
 //!
@@ -99,7 +99,7 @@ pub fn carrier(
     let n_vertices = scene.mesh.position.len();
     let area = scene.mesh.vertex_area();
     let most = options.patches.min(n_vertices.div_ceil(4)).max(1);
-    let tree = Tree::new(scene, &sizes(&area), lie.unlit, most);
+    let tree = Tree::new(scene, &sizes(&area), lie.uniform, lie.unlit, most);
     let leaf = tree.leaf_of_vertices();
     let rays = options.rays.max(FEWEST_RAYS).next_multiple_of(LANES);
     let sets = HemisphereSets::new(rays, hash(options.seed, 0xf1));
@@ -117,14 +117,16 @@ pub fn carrier(
     let rows = Rows::trace(&pass, &leaf, tree.n_leaves(), lie, progress)?;
     // What lies in other geometry takes the row of a neighbour.
     let donors = fill::donors(&scene.mesh, lie.buried).sources(n_vertices);
+    // What a vertex sends to others is what it sees of them: not its light on the sky.
+    let sending: Vec<f32> =
+        area.iter().enumerate().map(|(v, a)| a * rows.of(v).map(|(_, share)| share).sum::<f32>()).collect();
     let patches = Patches {
         members: tree.members(),
-        area: &area,
+        sending: &sending,
         rho: vertex_reflectance(scene).iter().map(|rho| rho.element_sum() / 3.0).collect(),
     };
     let reached = patches.reached(&rows, lie.uniform);
-    let linker =
-        Linker { tree: &tree, bright: patches.brightness(&rows, lie.uniform), n_links: options.links };
+    let linker = Linker { tree: &tree, bright: patches.brightness(lie.uniform), n_links: options.links };
     let sees_light = |v: usize| rows.of(v).any(|(p, _)| reached[p]);
     let of_vertex = |&v: &usize, dense: &mut [f32]| {
         // Not a trace of light where none can come.
@@ -135,14 +137,14 @@ pub fn carrier(
         }
     };
     let of_patch = |members: &Vec<usize>, dense: &mut [f32]| {
-        let whole: f32 = members.iter().map(|&v| area[v]).sum();
+        let whole: f32 = members.iter().map(|&v| sending[v]).sum();
         for &v in members {
-            let weight = area[v] / whole.max(f32::MIN_POSITIVE);
+            let weight = sending[v] / whole.max(f32::MIN_POSITIVE);
             rows.of(v).for_each(|(p, share)| dense[p] += weight * share);
         }
     };
-    let areas = patches.areas();
-    let mut weight = areas.clone();
+    let mut weight = patches.sending();
+    let areas: Vec<f32> = patches.members.iter().map(|list| list.iter().map(|&v| area[v]).sum()).collect();
     for _ in 0..BALANCES {
         let found = linker.link(&weight, &patches.members, of_patch);
         let (all, linked) = linker.sent(&weight, &areas, &patches.members, of_patch, &found);
@@ -255,7 +257,8 @@ fn row(pass: &Pass, leaf: &[Option<u16>], v: usize, dense: &mut [f32]) -> Vec<(u
 /// The patches and their vertices.
 struct Patches<'a> {
     members: Vec<Vec<usize>>,
-    area: &'a [f32],
+    /// Area of each vertex times what it sees of patches, m².
+    sending: &'a [f32],
     /// Grey reflectance of each vertex.
     rho: Vec<f32>,
 }
@@ -263,13 +266,10 @@ struct Patches<'a> {
 /// Darkest that a patch is expected to be, as a share of the mean.
 const DARKEST: f32 = 0.2;
 
-/// How often light is bounced for [`Patches::brightness`].
-const BRIGHTNESS_BOUNCES: usize = 4;
-
 impl Patches<'_> {
     /// m².
-    fn areas(&self) -> Vec<f32> {
-        self.members.iter().map(|list| list.iter().map(|&v| self.area[v]).sum()).collect()
+    fn sending(&self) -> Vec<f32> {
+        self.members.iter().map(|list| list.iter().map(|&v| self.sending[v]).sum()).collect()
     }
 
     /// Whether light reaches each patch, over however many others.
@@ -287,19 +287,14 @@ impl Patches<'_> {
         }
     }
 
-    /// How much light is expected to leave each patch, that under a uniform sky.
-    fn brightness(&self, rows: &Rows, uniform: &[f32]) -> Vec<f32> {
-        let mean = |list: &Vec<usize>, of: &dyn Fn(usize) -> f32| {
-            let whole: f32 = list.iter().map(|&v| self.area[v]).sum();
-            list.iter().map(|&v| self.area[v] * self.rho[v] * of(v)).sum::<f32>()
+    /// How much light is expected to leave each patch before it bounces on: that under a uniform sky.
+    fn brightness(&self, uniform: &[f32]) -> Vec<f32> {
+        let mean = |list: &Vec<usize>| {
+            let whole: f32 = list.iter().map(|&v| self.sending[v]).sum();
+            list.iter().map(|&v| self.sending[v] * self.rho[v] * uniform[v]).sum::<f32>()
                 / whole.max(f32::MIN_POSITIVE)
         };
-        let mut leaving = vec![0.0; self.members.len()];
-        for _ in 0..=BRIGHTNESS_BOUNCES {
-            let arriving =
-                |v: usize| uniform[v] + rows.of(v).map(|(p, share)| share * leaving[p]).sum::<f32>();
-            leaving = self.members.par_iter().map(|list| mean(list, &arriving)).collect();
-        }
+        let leaving: Vec<f32> = self.members.iter().map(mean).collect();
         let mean = leaving.iter().sum::<f32>() / leaving.len().max(1) as f32;
         let least = if mean > 0.0 { DARKEST * mean } else { 1.0 };
         leaving.into_iter().map(|b| b.max(least)).collect()

@@ -75,7 +75,7 @@ impl Default for Options {
             bounces: 2,
             resolution: 32,
             patches: 2048,
-            links: 160,
+            links: 192,
             seed: 1,
             threads: 0,
         }

@@ -159,7 +159,7 @@ impl<'a> Engine<'a> {
 }
 
 /// Vertices of one task.
-const TASK: usize = 2048;
+const TASK: usize = 1024;
 
 fn for_each_part(out: &mut [[f32; 3]], work: impl Fn(usize, &mut [[f32; 3]]) + Sync) {
     use rayon::prelude::*;

@@ -5,11 +5,12 @@
 //! vertices, then, per colour,
 //!
 //! ```text
-//! R[p]  = Σ area ρ E_direct / Σ area                              over the vertices of patch p
+//! R[p]  = Σ w ρ E_direct / Σ w                                    over the vertices v of patch p, w = area[v] S[v]
 //! B[p]  = R[p] + ρ[p] scale[V + p] Σ_k share²[V + p, k] B[node[V + p, k]]      solved by iteration
 //! E(v) += scale[v] Σ_k share²[v, k] B[node[v, k]]
 //! ```
 //!
+//! S\[v\] = scale\[v\] Σ_k share²\[v, k\] being what a vertex sees of others, and so, by reciprocity, what they see of it, and
 //! where B of a node with children is Σ part\[c\] B\[c\] over them: about their mean by area, with weights by which a
 //! patch sends out through all links together what it does through the rows themselves. E is irradiance without the receiver's albedo, in the unit of
 //! the light. A vertex's area is a third of its triangles'.
@@ -106,7 +107,7 @@ const SQUARES: [f32; 256] = {
 #[derive(Clone, Debug)]
 pub struct Carrier<'a> {
     patch: &'a [u16],
-    /// area ρ / area of the patch, per vertex.
+    /// w ρ / Σ w over its patch, per vertex.
     weight: Vec<Vec3>,
     children: &'a [[u16; 2]],
     part: &'a [f32],
@@ -154,9 +155,12 @@ impl<'a> Carrier<'a> {
         {
             return None;
         }
-        let area = vertex_area(asset);
-        let node_area = node_areas(children, patch, &area);
-        let weight = weights(asset, patch, &area, &node_area);
+        let seen = |v: usize| -> f64 {
+            let squares = share[v * n_links..(v + 1) * n_links].iter().map(|q| f64::from(*q).powi(2));
+            f64::from(scale[v]) * squares.sum::<f64>()
+        };
+        let area = vertex_area(asset).into_iter().enumerate().map(|(v, a)| a * seen(v));
+        let weight = weights(asset, patch, &area.collect::<Vec<_>>(), children.len());
         let mut albedo = vec![Vec3::ZERO; children.len()];
         for (p, w) in patch.iter().zip(&weight).filter(|(p, _)| **p != NO_PATCH) {
             albedo[usize::from(*p)] += *w;
@@ -345,28 +349,17 @@ fn bounces(asset: &Asset) -> usize {
     value.map_or(usize::MAX, |n| n as usize)
 }
 
-/// Areas of all nodes, m².
-fn node_areas(children: &[[u16; 2]], patch: &[u16], area: &[f64]) -> Vec<f64> {
-    let mut all = vec![0.0; children.len()];
-    for (p, area) in patch.iter().zip(area).filter(|(p, _)| **p != NO_PATCH) {
-        all[usize::from(*p)] += area;
+/// w ρ / Σ w over the patch, per vertex; 0 for a patch that sees nothing.
+fn weights(asset: &Asset, patch: &[u16], w: &[f64], n_nodes: usize) -> Vec<Vec3> {
+    let mut whole = vec![0.0; n_nodes];
+    for (p, w) in patch.iter().zip(w).filter(|(p, _)| **p != NO_PATCH) {
+        whole[usize::from(*p)] += w;
     }
-    for node in (0..children.len()).rev() {
-        let [l, r] = children[node].map(usize::from);
-        if l > 0 {
-            all[node] = all[l] + all[r];
-        }
-    }
-    all
-}
-
-/// area ρ / area of the patch, per vertex; 0 for a patch without area.
-fn weights(asset: &Asset, patch: &[u16], area: &[f64], node_area: &[f64]) -> Vec<Vec3> {
-    let weight = |((p, area), albedo): ((&u16, &f64), Vec3)| match node_area.get(usize::from(*p)) {
-        Some(total) if *total > 0.0 => albedo * (area / total) as f32,
+    let weight = |((p, w), albedo): ((&u16, &f64), Vec3)| match whole.get(usize::from(*p)) {
+        Some(whole) if *whole > 0.0 => albedo * (w / whole) as f32,
         _ => Vec3::ZERO,
     };
-    patch.iter().zip(area).zip(reflectance(asset)).map(weight).collect()
+    patch.iter().zip(w).zip(reflectance(asset)).map(weight).collect()
 }
 
 /// A third of its triangles' area for each vertex, m².

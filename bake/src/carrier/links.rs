@@ -3,9 +3,9 @@
 //! A link says that its node's share S is spread over the node's patches by their weights w: F\[p\] ≈ S w_p / W. What
 //! it then gets wrong, under light that differs from patch to patch, is at most about
 //!
-//! b Σ |F\[p\] - S w_p / W| <= b √(W Σ F²\[p\] / w_p - S²),
+//! Σ b_p |F\[p\] - S w_p / W| <= √(W Σ b_p² w_p (F\[p\] / w_p - S / W)²),
 //!
-//! b being the node's expected brightness. From the root on, the link with the largest such bound is replaced by those to
+//! b being the patches' expected brightness. From the root on, the link with the largest such bound is replaced by those to
 //! its two children, until there are K.
 //!
 //! Weights are areas at first. But then a patch that many rows see more of than of its neighbours would send out too
@@ -42,7 +42,8 @@ pub struct Links {
 #[derive(Clone, Copy, Default)]
 struct Sums {
     share: f32,
-    /// Σ F² / w.
+    /// Σ b² F, and Σ b² F² / w.
+    bright: f32,
     squares: f32,
 }
 
@@ -71,10 +72,10 @@ impl Linker<'_> {
     /// The rows of some things, of which `fill` writes the shares of all patches into zeros.
     pub fn link<T: Sync>(&self, weight: &[f32], things: &[T], fill: impl Fn(&T, &mut [f32]) + Sync) -> Links {
         let leaves = self.tree.leaves();
-        // Of each node: weight, and brightness times weight.
+        // Of each node: W, and Σ b² w.
         let mut size = vec![(0.0f32, 0.0f32); self.tree.children.len()];
-        for ((&node, a), b) in leaves.iter().zip(weight).zip(&self.bright) {
-            size[node] = (*a, a * b);
+        for ((&node, w), b) in leaves.iter().zip(weight).zip(&self.bright) {
+            size[node] = (*w, w * b * b);
         }
         for node in (0..size.len()).rev() {
             let [l, r] = self.tree.children[node].map(usize::from);
@@ -145,22 +146,28 @@ impl Linker<'_> {
         dense: &[f32],
         sums: &mut [Sums],
     ) -> Vec<(u16, f32)> {
-        for ((&node, &share), &a) in leaves.iter().zip(dense).zip(weight) {
-            let squares = if a > 0.0 { share * share / a } else { 0.0 };
-            sums[node] = Sums { share, squares };
+        for (((&node, &share), &w), b) in leaves.iter().zip(dense).zip(weight).zip(&self.bright) {
+            let bright = b * b * share;
+            let squares = if w > 0.0 { bright * share / w } else { 0.0 };
+            sums[node] = Sums { share, bright, squares };
         }
         for node in (0..sums.len()).rev() {
             let [l, r] = self.tree.children[node].map(usize::from);
             if l > 0 {
                 let (l, r) = (sums[l], sums[r]);
-                sums[node] = Sums { share: l.share + r.share, squares: l.squares + r.squares };
+                sums[node] = Sums {
+                    share: l.share + r.share,
+                    bright: l.bright + r.bright,
+                    squares: l.squares + r.squares,
+                };
             }
         }
         let open = |node: usize| {
-            let (Sums { share, squares }, (a, b)) = (sums[node], size[node]);
+            let (Sums { share, bright, squares }, (whole, size)) = (sums[node], size[node]);
             let is_patch = self.tree.children[node] == [0, 0];
-            let left = if is_patch || a <= 0.0 { 0.0 } else { (squares - share * share / a).max(0.0) };
-            Open { error: left * a * (b / a.max(f32::MIN_POSITIVE)).powi(2), node }
+            let mean = share / whole.max(f32::MIN_POSITIVE);
+            let square = whole * (squares - 2.0 * mean * bright + mean * mean * size);
+            Open { error: if is_patch { 0.0 } else { square.max(0.0) }, node }
         };
         let mut heap = BinaryHeap::new();
         if sums[0].share > 0.0 {

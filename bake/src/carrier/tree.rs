@@ -1,14 +1,17 @@
 //! The surface, halved again and again.
 //!
-//! The heaviest part is halved first, by area, across its widest extent in space and normal, until there are as many
-//! parts as asked for; weight is area times that extent, so that a patch does not lie in two rooms.
+//! The heaviest part is halved first, by area, across its widest extent in space, normal and expected light, until there
+//! are as many parts as asked for; weight is area times that extent, so that a patch does not lie in two rooms.
 
 use lunette_relight::asset::NO_PATCH;
 use lunette_scenes::Scene;
 
-/// Weight of a normal against a position in the cutting of patches, in diagonals of the scene: opposite sides of a wall
-/// must part.
+/// Weight of a normal, and of the light as a part of that in the open, against a position in the cutting of patches, in
+/// diagonals of the scene: opposite sides of a wall must part, and what lies outside of a window from what lies inside.
 const NORMAL_WEIGHT: f32 = 0.25;
+
+/// Of place, normal and light.
+const AXES: usize = 7;
 
 /// A binary tree of parts of the surface; node 0 is all of it, and children come after their parents.
 pub struct Tree {
@@ -19,13 +22,14 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// Cuts the vertices that are not `unlit` into at most `most` patches.
-    pub fn new(scene: &Scene, area: &[f32], unlit: &[bool], most: usize) -> Tree {
+    /// Cuts the vertices that are not `unlit` into at most `most` patches. `uniform` is the irradiance of each under a
+    /// uniform sky of radiance 1.
+    pub fn new(scene: &Scene, area: &[f32], uniform: &[f32], unlit: &[bool], most: usize) -> Tree {
         let (low, high) = scene.mesh.bounds();
         let weight = NORMAL_WEIGHT * (high - low).length();
         let key = |v: usize| {
             let (p, n) = (scene.mesh.position[v], scene.mesh.normal[v] * weight);
-            [p.x, p.y, p.z, n.x, n.y, n.z]
+            [p.x, p.y, p.z, n.x, n.y, n.z, weight * uniform[v] / std::f32::consts::PI]
         };
         let all: Vec<usize> = (0..area.len()).filter(|&v| !unlit[v]).collect();
         let extent = |list: &[usize], axis: usize| {
@@ -35,7 +39,7 @@ impl Tree {
         };
         // Wide ones before compact ones.
         let weigh = |list: &[usize]| {
-            let widest = (0..6).map(|axis| extent(list, axis)).fold(0.0, f32::max);
+            let widest = (0..AXES).map(|axis| extent(list, axis)).fold(0.0, f32::max);
             f64::from(widest) * list.iter().map(|&v| f64::from(area[v])).sum::<f64>()
         };
         let mut tree = Tree { children: vec![[0, 0]], patch: vec![NO_PATCH; area.len()] };
@@ -44,7 +48,7 @@ impl Tree {
         let mut finished: Vec<(usize, Vec<usize>)> = Vec::new();
         while heap.len() + finished.len() < most.min(usize::from(NO_PATCH) / 2) {
             let Some(((_, node), mut list)) = heap.pop_last() else { break };
-            let axis = (0..6).max_by(|&a, &b| extent(&list, a).total_cmp(&extent(&list, b))).unwrap_or(0);
+            let axis = (0..AXES).max_by(|&a, &b| extent(&list, a).total_cmp(&extent(&list, b))).unwrap_or(0);
             if list.len() < 2 || extent(&list, axis) <= 0.0 {
                 finished.push((node, list));
                 continue;

@@ -15,7 +15,7 @@ use half::f16;
 /// Rows of one task when threads share the work: a few hundred kilobytes, so that stealing is cheap to start
 /// and every task still streams.
 #[cfg(feature = "rayon")]
-pub(crate) const ROWS_PER_TASK: usize = 2048;
+pub(crate) const ROWS_PER_TASK: usize = 1024;
 
 /// `out[v] = Σᵢ transfer[v n + i] light[i]` with n = `light.len()`: colourless transfer, coloured light.
 ///

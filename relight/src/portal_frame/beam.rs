@@ -97,6 +97,9 @@ pub struct Beam {
     /// As it is, then larger and larger, of which the first `n_sizes` are meant.
     sizes: Vec<Size>,
     n_sizes: usize,
+    /// Sine and tangent of the angle within which all texels of all sizes lie.
+    sine: f32,
+    spread: f32,
     /// Across the beam.
     axes: [Vec3; 2],
     low: Vec2,
@@ -206,6 +209,8 @@ impl Beam {
             disc: Cap { axis: Vec3::Y, radius: 0.0, radiance: Vec3::ZERO },
             sizes: Vec::new(),
             n_sizes: 0,
+            sine: 0.0,
+            spread: 0.0,
             axes: [Vec3::X, Vec3::Z],
             low: Vec2::ZERO,
             cells_per_metre: Vec2::ZERO,
@@ -231,7 +236,7 @@ impl Beam {
             self.sizes[self.n_sizes].cut(disc, radius, n);
             self.n_sizes += 1;
         }
-        self.spread(panes);
+        self.lay_out(panes);
     }
 
     /// Radiance of the disc; to be multiplied by the glass.
@@ -245,7 +250,7 @@ impl Beam {
     }
 
     /// Fills the grid.
-    fn spread(&mut self, panes: &Panes) {
+    fn lay_out(&mut self, panes: &Panes) {
         let (u, v) = self.disc.axis.any_orthonormal_pair();
         self.axes = [u, v];
         self.grid.fill(0);
@@ -253,7 +258,9 @@ impl Beam {
         // Farther than this from a polygon, across, none of its light in these texels arrives.
         let reach = self.sizes[..self.n_sizes].iter().fold(1.0, |least: f32, size| least.min(size.reach));
         let reach = reach.clamp(0.1, 1.0);
-        let aside = panes.size * (1.0 - reach * reach).sqrt() / reach;
+        self.sine = (1.0 - reach * reach).sqrt();
+        self.spread = self.sine / reach;
+        let aside = panes.size * self.spread;
         let extent = |pane: &Pane| (flat(pane.centre), pane.radius + aside);
         let (low, high) = panes
             .polygons
@@ -318,17 +325,32 @@ impl Beam {
         let (s, sine) = (self.disc.axis, widest.sin());
         let mut nearest: Option<f32> = None;
         for (i, pane) in panes.polygons.iter().enumerate() {
-            let along = (pane.centre - p).dot(s);
-            if bits >> (i % 64) & 1 == 0 || along < -pane.radius {
+            if bits >> (i % 64) & 1 == 0 {
+                continue;
+            }
+            let to = pane.centre - p;
+            let along = to.dot(s);
+            let aside = pane.radius + along.max(0.0) * self.spread;
+            if along < -pane.radius || to.length_squared() - along * along > aside * aside {
                 continue;
             }
             let first = scratch.sides.len();
-            let mut may_hold = true;
+            let (mut may_hold, mut may_touch) = (true, true);
             pane.for_each_side(p, |side| {
-                let inside = side.dot(s);
-                may_hold &= inside > 0.0 || inside * inside < sine * sine * side.length_squared();
-                scratch.sides.push(side);
+                let (inside, square) = (side.dot(s), side.length_squared());
+                let is_within = |sine: f32| inside * inside < sine * sine * square;
+                may_hold &= inside > 0.0 || is_within(sine);
+                let crosses = is_within(self.sine);
+                may_touch &= inside > 0.0 || crosses;
+                // The others have all texels on their inside.
+                if crosses {
+                    scratch.sides.push(side);
+                }
             });
+            if !may_touch {
+                scratch.sides.truncate(first);
+                continue;
+            }
             scratch.cones.push(first..scratch.sides.len());
             if may_hold {
                 // Where the axis meets the pane's plane.
