@@ -2,11 +2,12 @@
 //!
 //! ```
 //! # use lunette_relight::{asset::Asset, portal_frame::PortalFrame, shell::{Material, Shell}};
-//! # fn relight(bytes: &[u8], texels: &[[f32; 3]], out: &mut [[f32; 3]]) -> Result<(), Box<dyn std::error::Error>> {
+//! # fn relight(bytes: &[u8], texels: &[[f32; 3]], suns: &[lunette_relight::light::Cap], out: &mut [[f32; 3]]) -> Result<(), Box<dyn std::error::Error>> {
 //! let asset = Asset::from_bytes(bytes)?;
 //! let mut frame = PortalFrame::new(&asset)?;
 //! frame.set_material(0, Material { tint: [1.0, 0.8, 0.6], frost: 0.2 }); // when the glass changes
-//! frame.set_shell(0, Shell::new(frame.resolution(0), texels)?)?; // each time the light outside changes
+//! let shell = Shell::new(frame.resolution(0), texels)?; // each time the light outside changes
+//! frame.set_shell_with_discs(0, shell, suns)?; // which suns are in it, to be sharper than texels; may be none
 //! frame.direct(0, out); // all vertices, or any slice of them, from any thread
 //! frame.reflect(out); // does something only where bounced light is carried from direct light
 //! frame.add_indirect(0, out);

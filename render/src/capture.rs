@@ -300,14 +300,9 @@ fn add_disc(
     }
 }
 
-/// The small discs of a light, as far as they are up.
+/// The small discs of a light.
 fn suns(light: &Light) -> impl Iterator<Item = Cap> + '_ {
-    let cap = |source: &Source| match source {
-        Source::Cap(cap) => Some(*cap),
-        Source::Sky(sky) => sky.sun_above_horizon(),
-        _ => None,
-    };
-    light.sources.iter().filter_map(cap).filter(|cap| cap.radius < SUN_RADIUS)
+    light.discs().filter(|cap| cap.radius < SUN_RADIUS)
 }
 
 fn sun(cap: Cap, n: usize) -> Sun {

@@ -195,7 +195,9 @@ pub fn lit_through(asset: &Asset, light: &Light, indirect: Indirect, glass: Mate
         let mut texels = vec![[0.0; 3]; n_texels(n)];
         project_light(light, n, &mut texels);
         frame.set_material(k, glass);
-        frame.set_shell(k, Shell::new(n, &texels).expect("a shell")).expect("its resolution");
+        let discs: Vec<_> = light.discs().collect();
+        let shell = Shell::new(n, &texels).expect("a shell");
+        frame.set_shell_with_discs(k, shell, &discs).expect("its resolution");
     }
     let mut direct = vec![[0.0; 3]; asset.n_vertices()];
     let mut indirect = direct.clone();

@@ -89,6 +89,15 @@ impl Light {
         self.sources.iter().map(|s| s.radiance(d)).sum()
     }
 
+    /// Its discs of constant radiance: caps, and the suns of skies as far as they are up.
+    pub fn discs(&self) -> impl Iterator<Item = Cap> + '_ {
+        self.sources.iter().filter_map(|source| match source {
+            Source::Cap(cap) => Some(*cap),
+            Source::Sky(sky) => sky.sun_above_horizon(),
+            _ => None,
+        })
+    }
+
     /// This light turned by the unit quaternion `q`: `rotated(q).radiance(q * d) == radiance(d)`. Images are
     /// shared, not copied.
     pub fn rotated(&self, q: Quat) -> Light {

@@ -5,11 +5,13 @@
 use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3, vec2, vec3};
-use lunette_bake::{PortalOptions, Silent, bake_portals};
+use lunette_bake::{Options, PortalOptions, Silent, bake_portals};
 use lunette_relight::indirect::Indirect;
 use lunette_tests::baked::light;
 use lunette_tests::closed_form::{facing_rectangle, over_corners, upright_rectangle};
-use lunette_tests::interior::{Interior, ROOM, Window, direct_options, lit, room, room_with};
+use lunette_tests::interior::{
+    Interior, ROOM, Window, bounced_options, direct_options, lit, room, room_with,
+};
 
 /// Irradiance of a vertex of the wall opposite or of the floor.
 fn expected(window: &Window, p: Vec3, n: Vec3) -> f64 {
@@ -137,7 +139,7 @@ fn room_with_its_only_portal_elsewhere_is_refused_by_name() {
     let mut portal = window.portal("window");
     portal.triangles.iter_mut().flatten().for_each(|p| p.z -= 1.0);
     let interior = Interior { scene: room(None, 4).scene(), portals: vec![portal] };
-    let options = lunette_tests::interior::bounced_options();
+    let options = bounced_options();
     let baked =
         bake_portals(&interior.scene, &interior.portals, &options, &PortalOptions::default(), &Silent);
     assert!(matches!(baked, Err(lunette_bake::Error::UnseenPortal(name)) if name == "window"));
@@ -157,7 +159,7 @@ fn closed_room_beside_a_lit_one_is_exactly_dark() {
     scene.mesh.material.extend(&dark.mesh.material);
     scene.mesh.group.extend(&dark.mesh.group);
     let interior = Interior { scene, portals: lit_room.portals };
-    let asset = interior.bake(&lunette_tests::interior::bounced_options());
+    let asset = interior.bake(&bounced_options());
     for indirect in [Indirect::Sh, Indirect::DirectToIndirect] {
         let lit = lit(&asset, &light("uniform + cap:0,0.5,-1,0.2,50"), indirect).total();
         assert!(lit[..n_lit].iter().any(|e| e.x > 0.1));
@@ -186,6 +188,26 @@ fn two_portals_give_the_direct_light_of_the_window_they_fill() {
         let total: f32 = a.iter().map(|e| e.x).sum();
         let off: f32 = a.iter().zip(&b).map(|(a, b)| (a.x - b.x).abs()).sum();
         assert!(total > 0.0 && off < tolerance * total, "{spec}: {}", off / total);
+    }
+}
+
+#[test]
+fn two_portals_bounce_the_light_of_the_window_they_fill() {
+    let whole = Window { low: vec2(1.1, 0.7), high: vec2(3.2, 2.5) };
+    let one = room_with(whole, 8, 0.5);
+    let parts = cut(whole, 0.37).map(|w| w.portal("part"));
+    let two = Interior { scene: one.scene.clone(), portals: parts.to_vec() };
+    let options = Options { rays: 2048, ..bounced_options() };
+    let [one, two] = [one, two].map(|i| i.bake(&options));
+    // SH of each portal has rays of its own, whose noise this is; what is carried from direct light has the same.
+    for (way, tolerance) in [(Indirect::Sh, 0.04), (Indirect::DirectToIndirect, 0.01)] {
+        for spec in ["uniform", "cap:0.1,0.6,-1,0.4,1"] {
+            let [a, b] = [&one, &two].map(|asset| lit(asset, &light(spec), way).indirect);
+            let total: f32 = a.iter().map(|e| e.x).sum();
+            let off: f32 = a.iter().zip(&b).map(|(a, b)| (a.x - b.x).abs()).sum();
+            println!("{way:?}, {spec}: {}", off / total);
+            assert!(total > 0.0 && off < tolerance * total, "{way:?}, {spec}: {}", off / total);
+        }
     }
 }
 
