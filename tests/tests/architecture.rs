@@ -6,10 +6,15 @@ use std::process::Command;
 use glam::{Quat, Vec3};
 use lunette_bake::Options;
 use lunette_relight::aperture::Intersection;
+use lunette_relight::cubemap::{n_texels, project_light};
 use lunette_relight::frame::{Frame, Method};
+use lunette_relight::indirect::Indirect;
 use lunette_relight::light::Cap;
 use lunette_relight::lobe::{self, Blockers, Lamp, Motion, Points, Scratch, Sphere, SphereSet, Sun, Target};
+use lunette_relight::portal_frame::PortalFrame;
+use lunette_relight::shell::Shell;
 use lunette_tests::baked::{baked, light, scene};
+use lunette_tests::interior::{bounced_options, built};
 
 fn workspace() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("a workspace around the package")
@@ -70,6 +75,37 @@ fn relighting_a_frame_does_not_allocate() {
         assert_eq!(counted.count_total, 0, "{method:?}");
         assert!(out.iter().all(|e| e[0] > 0.0), "{method:?} gave no light");
     }
+}
+
+#[test]
+fn relighting_an_interior_does_not_allocate() {
+    let asset = built("box-room:edge=0.6").bake(&bounced_options());
+    let mut frame = PortalFrame::new(&asset).expect("a portal");
+    let n = frame.resolution(0);
+    // Suns that wander across texels and faces, of which the first makes room.
+    let lights: Vec<_> = (0..8)
+        .map(|i| light(&format!("uniform + cap:-1,0.5,{},0.03,90", 0.2 * i as f32 - 0.7)))
+        .map(|light| {
+            let mut texels = vec![[0.0; 3]; n_texels(n)];
+            project_light(&light, n, &mut texels);
+            (texels, light.discs().collect::<Vec<_>>())
+        })
+        .collect();
+    let mut out = vec![[0.0; 3]; asset.n_vertices()];
+    for way in [Indirect::Sh, Indirect::DirectToIndirect] {
+        frame.set_indirect(way).expect("what is baked");
+        let mut relight = |(texels, discs): &(Vec<[f32; 3]>, Vec<_>)| {
+            let shell = Shell::new(n, texels).expect("a shell");
+            frame.set_shell_with_discs(0, shell, discs).expect("its side");
+            frame.direct(0, &mut out);
+            frame.reflect(&out);
+            frame.add_indirect(0, &mut out);
+        };
+        lights.iter().for_each(&mut relight);
+        let counted = allocation_counter::measure(|| lights.iter().for_each(&mut relight));
+        assert_eq!(counted.count_total, 0, "{way:?}");
+    }
+    assert!(out.iter().any(|e| e[0] > 10.0), "no sun");
 }
 
 #[test]

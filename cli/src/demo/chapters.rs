@@ -211,11 +211,11 @@ pub const CHAPTERS: [Chapter; 9] = [
         rays: 512,
         text: "The interior paper's second figure. To plain precomputed radiance transfer (sh5, sh10) the opening is \
                a small part of the whole sky, and ten bands over the sphere cannot hold its edge: direct light is \
-               smeared over the room, under an overcast sky as under a sun. A portal's rows hold it texel by texel; \
-               what is left under the sun is that it is spread over a texel of three degrees. \
+               smeared over the room, under an overcast sky as under a sun. A portal's rows hold it texel by texel, and \
+               a sun by the outline of the opening itself. \
                What has bounced is smooth: four bands per portal (portal-sh4) carry an overcast sky's, but not a \
                sun's, which they blur before it enters; direct-to-indirect (portal-d2i) carries both, in more bytes, \
-               and is blotchy where a patch is lit in part. The reference here is found at the vertices, which are \
+               and spreads within a patch what lights a part of it. The reference here is found at the vertices, which are \
                darkest in the creases.",
         shots: &[],
         trials: &[

@@ -67,6 +67,14 @@ const LEVEL: f32 = 1e-4;
 /// Points that a cut polygon has at most.
 const MOST_POINTS: usize = 64;
 
+/// Polygons that one disc may shine through at once on a vertex, and edges of them that cross its texels: a disc of the
+/// largest size lies in a quarter of a radian. What is more is left out.
+const MOST_CONES: usize = 128;
+const MOST_SIDES: usize = 512;
+
+/// Texels of the largest disc at the finest resolution, and those around them: 10 x 10 and 44.
+const MOST_TEXELS: usize = 256;
+
 /// Where a portal is, and what its rows are of.
 #[derive(Clone)]
 pub struct Panes<'a> {
@@ -302,7 +310,7 @@ impl Beam {
         }
         scratch.clear();
         if panes.open.binary_search(&(v as u32)).is_ok() {
-            scratch.begin();
+            scratch.push_cone(0);
             return self.sizes[0].transfer((v, n), rows, scratch);
         }
         let bits = self.candidates(p);
@@ -334,7 +342,7 @@ impl Beam {
             if along < -pane.radius || to.length_squared() - along * along > aside * aside {
                 continue;
             }
-            let first = scratch.sides.len();
+            let first = scratch.n_sides;
             let (mut may_hold, mut may_touch) = (true, true);
             pane.for_each_side(p, |side| {
                 let (inside, square) = (side.dot(s), side.length_squared());
@@ -344,14 +352,14 @@ impl Beam {
                 may_touch &= inside > 0.0 || crosses;
                 // The others have all texels on their inside.
                 if crosses {
-                    scratch.sides.push(side);
+                    scratch.push_side(side);
                 }
             });
             if !may_touch {
-                scratch.sides.truncate(first);
+                scratch.n_sides = first;
                 continue;
             }
-            scratch.cones.push(first..scratch.sides.len());
+            scratch.push_cone(first);
             if may_hold {
                 // Where the axis meets the pane's plane.
                 let slope = pane.normal.dot(s);
@@ -382,7 +390,7 @@ impl Size {
         self.footprint.add_polygon(&Eye { origin: Vec3::ZERO, normal: axis, n }, 0, &corners);
         self.pieces.clear();
         self.points.clear();
-        for cell in &self.footprint.cells {
+        for cell in self.footprint.cells.iter().take(MOST_TEXELS) {
             let first = self.points.len();
             self.points.extend(self.footprint.points(cell));
             let (face, [column, row]) = place(n, cell.texel);
@@ -397,7 +405,7 @@ impl Size {
             for (x, y) in (0..9).map(|k| (column + k % 3, row + k / 3)) {
                 let is_on_face = (1..=n).contains(&x) && (1..=n).contains(&y);
                 let is_here = |p: &Piece| (p.face, p.column + 1, p.row + 1) == (face, x, y);
-                if is_on_face && !self.pieces.iter().any(is_here) {
+                if is_on_face && self.pieces.len() < MOST_TEXELS && !self.pieces.iter().any(is_here) {
                     self.pieces.push(Piece::new(n, [face, x - 1, y - 1], &self.points, 0..0));
                 }
             }
@@ -410,8 +418,7 @@ impl Size {
 
     /// What of it arrives at a vertex with this normal, through the cones found for it.
     fn transfer(&self, (v, n): (usize, Vec3), rows: &Rows, scratch: &mut Scratch) -> f32 {
-        scratch.texels.resize(self.pieces.len(), 0.0);
-        rows.probe(v, &self.probe, &mut scratch.texels);
+        rows.probe(v, &self.probe, &mut scratch.texels[..self.pieces.len()]);
         let rounding = ROUNDING[usize::from(rows.basis(v) == Basis::Haar)];
         let mut sum = 0.0;
         for (i, piece) in self.pieces[..self.n_touched].iter().enumerate() {
@@ -431,14 +438,12 @@ impl Size {
 
     /// Of a texel and of the disc's part in it what lies within the portal.
     fn portal_part(&self, piece: &Piece, normal: Vec3, scratch: &Scratch) -> (f32, f32) {
-        scratch.cones.iter().fold((0.0, 0.0), |(whole, part), cone| {
-            match self.cut_piece(piece, normal, &scratch.sides[cone.clone()]) {
-                Within::None => (whole, part),
-                Within::All => (whole + normal.dot(piece.whole), part + normal.dot(piece.part)),
-                Within::Cut(w, p) => {
-                    let horizon = piece.flat(normal);
-                    (whole + w.worth(horizon), part + p.worth(horizon))
-                }
+        scratch.cones().fold((0.0, 0.0), |(whole, part), sides| match self.cut_piece(piece, normal, sides) {
+            Within::None => (whole, part),
+            Within::All => (whole + normal.dot(piece.whole), part + normal.dot(piece.part)),
+            Within::Cut(w, p) => {
+                let horizon = piece.flat(normal);
+                (whole + w.worth(horizon), part + p.worth(horizon))
             }
         })
     }
@@ -474,8 +479,8 @@ impl Size {
         let way = way.normalize();
         let horizon = piece.flat(normal);
         let mut lit = 0.0;
-        for cone in &scratch.cones {
-            let (whole, part) = match self.cut_piece(piece, normal, &scratch.sides[cone.clone()]) {
+        for sides in scratch.cones() {
+            let (whole, part) = match self.cut_piece(piece, normal, sides) {
                 Within::None => continue,
                 Within::All => (Cut::new(&piece.corners), Cut::new(&self.points[piece.points.clone()])),
                 Within::Cut(whole, part) => (whole, part),
@@ -547,23 +552,50 @@ enum Within {
     Cut(Cut, Cut),
 }
 
-/// Room to work in, for one thread.
-#[derive(Default)]
+/// Room to work in, for one thread; on the stack, so that no frame allocates.
 pub struct Scratch {
-    sides: Vec<Vec3>,
-    cones: Vec<Range<usize>>,
-    texels: Vec<f32>,
+    sides: [Vec3; MOST_SIDES],
+    n_sides: usize,
+    /// Ranges of sides.
+    cones: [(u16, u16); MOST_CONES],
+    n_cones: usize,
+    texels: [f32; MOST_TEXELS],
+}
+
+impl Default for Scratch {
+    fn default() -> Scratch {
+        Scratch {
+            sides: [Vec3::ZERO; MOST_SIDES],
+            n_sides: 0,
+            cones: [(0, 0); MOST_CONES],
+            n_cones: 0,
+            texels: [0.0; MOST_TEXELS],
+        }
+    }
 }
 
 impl Scratch {
     fn clear(&mut self) {
-        self.sides.clear();
-        self.cones.clear();
+        (self.n_sides, self.n_cones) = (0, 0);
     }
 
-    /// One cone without sides: all that is above the horizon.
-    fn begin(&mut self) {
-        self.cones.push(0..0);
+    fn push_side(&mut self, side: Vec3) {
+        if let Some(slot) = self.sides.get_mut(self.n_sides) {
+            *slot = side;
+            self.n_sides += 1;
+        }
+    }
+
+    /// Makes a cone of the sides from `first` on; of no side it is all that is above the horizon.
+    fn push_cone(&mut self, first: usize) {
+        if let Some(slot) = self.cones.get_mut(self.n_cones) {
+            *slot = (first as u16, self.n_sides as u16);
+            self.n_cones += 1;
+        }
+    }
+
+    fn cones(&self) -> impl Iterator<Item = &[Vec3]> {
+        self.cones[..self.n_cones].iter().map(|&(from, to)| &self.sides[usize::from(from)..usize::from(to)])
     }
 }
 
