@@ -2,7 +2,7 @@
 //! direct-to-indirect transport, which has no order.
 //!
 //! A room is baked once with ten bands. Suns of several sizes move across the window, at five places of a day; the
-//! path-traced reference judges bounced light at some vertices within flat faces, all places of a sun together. Drawn
+//! path-traced reference judges bounced light in the middle of some triangles, all places of a sun together. Drawn
 //! into `suns.html` in the target folder; printed as a table.
 //!
 //!     cargo bench -p lunette-benches --bench suns
@@ -23,10 +23,10 @@ use lunette_relight::shell::{Material, Shell};
 use lunette_render::{ReferenceOptions, Surface, Tracer, difference, noise, reference_irradiance};
 use lunette_scenes::{builtin, take_portals};
 
-const SCENE: &str = "box-room:edge=0.15";
+const SCENE: &str = "box-room:edge=0.1";
 const BOUNCES: usize = 5;
 const ORDERS: usize = 10;
-/// About so many vertices are judged.
+/// So many triangles are judged.
 const JUDGED: usize = 100;
 const PATHS: u32 = 8192;
 
@@ -70,10 +70,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let panes: Vec<[Vec3; 3]> = portals.iter().flat_map(|p| p.triangles.iter().copied()).collect();
     let tracer = Tracer::new(surface)?.with_portals(&panes)?;
     let inside = lunette_bake::openings::inside(&room, &portals)?;
-    let inner: Vec<usize> = (0..inside.len()).filter(|&v| inside[v] && mesh.normal[v].y > 0.99).collect();
-    let walls = (0..inside.len()).filter(|&v| inside[v] && mesh.normal[v].abs().max_element() > 0.999);
-    let walls: Vec<usize> = walls.collect();
-    let at: Vec<usize> = spread(&inner, JUDGED / 3).chain(spread(&walls, 2 * JUDGED / 3)).collect();
+    let inner: Vec<[u32; 3]> =
+        mesh.index.iter().filter(|t| t.iter().all(|&v| inside[v as usize])).copied().collect();
+    let at: Vec<[u32; 3]> = (0..JUDGED).map(|i| inner[i * inner.len() / JUDGED]).collect();
 
     println!("{SCENE}, {} vertices, {BOUNCES} bounces: bounced light, relative difference, %", inside.len());
     let header: Vec<String> = (1..=ORDERS).map(|n| format!("{:>8}", format!("sh{n}"))).collect();
@@ -96,10 +95,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     page.chart(&by_radius(&outcomes))?;
     println!("{}", page.write("suns.html")?.display());
     Ok(())
-}
-
-fn spread(list: &[usize], count: usize) -> impl Iterator<Item = usize> + '_ {
-    (0..count).map(move |i| list[i * list.len() / count])
 }
 
 fn cases() -> Vec<Case> {
@@ -126,10 +121,13 @@ fn cut(asset: &Asset<'static>, order: usize) -> Result<Asset<'static>, Box<dyn E
     Ok(asset)
 }
 
-fn judge(case: &Case, assets: &[Asset], tracer: &Tracer, at: &[usize]) -> Result<Outcome, Box<dyn Error>> {
+fn judge(case: &Case, assets: &[Asset], tracer: &Tracer, at: &[[u32; 3]]) -> Result<Outcome, Box<dyn Error>> {
     let asset = &assets[0];
-    let pick = |of: &[[f32; 3]]| at.iter().map(|&v| Vec3::from(of[v])).collect::<Vec<_>>();
-    let (position, normal) = (pick(asset.positions()), pick(asset.normals()));
+    let middle =
+        |of: &[[f32; 3]], t: &[u32; 3]| t.map(|v| Vec3::from(of[v as usize])).iter().sum::<Vec3>() / 3.0;
+    let pick = |of: &[[f32; 3]]| at.iter().map(|t| middle(of, t)).collect::<Vec<_>>();
+    let position = pick(asset.positions());
+    let normal: Vec<Vec3> = pick(asset.normals()).into_iter().map(Vec3::normalize).collect();
     let (mut truth, mut error) = (Vec::new(), Vec::new());
     for light in &case.lights {
         let options = ReferenceOptions { samples: PATHS, bounces: BOUNCES as u32, seed: 5 };

@@ -430,14 +430,16 @@ impl PortalLight<'_> {
 
     /// Discs into beams, and `rest` without them.
     fn project_beams(&mut self) {
-        let Some(panes) = self.panes.as_ref().filter(|_| self.blur.is_none()) else { return };
+        if self.panes.is_none() || self.blur.is_some() {
+            return;
+        }
         let n = self.rows.n();
         if self.beams.len() < self.discs.len() {
             self.beams.resize_with(self.discs.len(), Beam::new);
         }
         self.rest.fill([0.0; 3]);
         for (beam, disc) in self.beams.iter_mut().zip(&self.discs) {
-            beam.set(disc, n, panes);
+            beam.set(disc, n);
             add_disc(n, disc, None, &mut self.rest);
         }
         self.n_beams = self.discs.len();

@@ -31,9 +31,10 @@ pub use store::{Stage, encode};
 /// Rays of a vertex, in the mean, that look for what is in the way.
 const FIRST: usize = 256;
 
-/// Rays of a piece: at first at least, and where something is in the way at least and at most.
+/// Rays of a piece: at first at least, and where something is in the way at least and at most: a rose of hundreds of panes
+/// has as many pieces.
 const FEWEST: usize = 2;
-const REFINED: (usize, usize) = (8, 64);
+const REFINED: (usize, usize) = (2, 64);
 
 /// How near to a portal's plane, as a share of the way to it, another portal counts as lying in it.
 const SAME_PLANE: f32 = 1e-4;

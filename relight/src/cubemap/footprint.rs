@@ -76,12 +76,15 @@ impl Footprint {
             let [from, to] = &mut self.solid;
             from.clear();
             from.extend(polygon.iter().map(|c| local(*c - eye.origin)));
+            let planes: [fn(Vec3) -> f32; 4] = [|p| p.z - p.x, |p| p.z + p.x, |p| p.z - p.y, |p| p.z + p.y];
+            if planes.iter().any(|plane| from.iter().all(|p| plane(*p) <= 0.0)) {
+                continue;
+            }
             if is_cut {
                 let normal = local(eye.normal);
                 clip(from, to, |p| p.dot(normal));
                 std::mem::swap(from, to);
             }
-            let planes: [fn(Vec3) -> f32; 4] = [|p| p.z - p.x, |p| p.z + p.x, |p| p.z - p.y, |p| p.z + p.y];
             clip(from, to, |p| p.z - NEAR * scale);
             for plane in planes {
                 std::mem::swap(from, to);

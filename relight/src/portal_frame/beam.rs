@@ -16,8 +16,8 @@
 //! Cells are blurred as if the disc were so much larger as the cell is, seen from the window; discs of a few sizes are
 //! kept ready.
 //!
-//! Vertices that the disc cannot reach are told by their place across the beam, in a grid of which each cell knows its
-//! polygons; the others' rows are read at the few texels that the disc touches and around them.
+//! Which polygons the disc may shine through is told by balls around some of them together; only the rows of vertices that
+//! it reaches are read, at the few texels that it touches and around them.
 //!
 //! Where it breaks: what hides the sun from near by is blurred as if it were as far as the window; shadows whose edge bends within a texel, or that have two; bars and leaves finer than
 //! texels dim the disc evenly; a share within
@@ -47,8 +47,8 @@ const LEAST_BLUR: f32 = 0.004;
 /// Corners of the polygon that stands for a disc.
 const CORNERS: usize = 24;
 
-/// Cells along a side of the grid across a beam.
-const GRID: usize = 64;
+/// Polygons that share a ball.
+const GROUP: usize = 16;
 
 /// A share of what is visible that is this near to 0 or 1 is taken for it: what rows lose of a texel, in pulses and in
 /// wavelets, of which small ones are dropped.
@@ -57,6 +57,9 @@ const ROUNDING: [f32; 2] = [0.02, 0.06];
 /// How much shares grow from texel to texel, below which there is no edge, but bars or leaves; and above which there is
 /// one: across a straight edge they grow by 0.5.
 const GROWTH: (f32, f32) = (0.1, 0.3);
+
+/// Among more polygons than this about a disc, as the panes of a rose from afar, no shadow has one straight edge.
+const MOST_FOR_A_LINE: usize = 16;
 
 /// Steps by which the line is found that leaves a given share: to 1/1024 of a texel.
 const HALVINGS: usize = 10;
@@ -79,6 +82,9 @@ const MOST_TEXELS: usize = 256;
 #[derive(Clone)]
 pub struct Panes<'a> {
     polygons: Vec<Pane<'a>>,
+    /// Around all, and around each [`GROUP`] of them.
+    all: Ball,
+    groups: Vec<Ball>,
     /// Vertices outside, which see the sky past the portal; rising.
     open: &'a [u32],
     position: &'a [[f32; 3]],
@@ -93,9 +99,14 @@ pub struct Panes<'a> {
 #[derive(Clone)]
 struct Pane<'a> {
     corners: &'a [[f32; 3]],
-    centre: Vec3,
     normal: Vec3,
-    /// No corner is farther from the centre.
+    ball: Ball,
+}
+
+/// No corner of what it is around is farther from its centre than its radius, metres.
+#[derive(Clone, Copy)]
+struct Ball {
+    centre: Vec3,
     radius: f32,
 }
 
@@ -108,12 +119,6 @@ pub struct Beam {
     /// Sine and tangent of the angle within which all texels of all sizes lie.
     sine: f32,
     spread: f32,
-    /// Across the beam.
-    axes: [Vec3; 2],
-    low: Vec2,
-    cells_per_metre: Vec2,
-    /// Which polygons may be seen before the disc's texels from a cell: polygon i by bit i % 64.
-    grid: Vec<u64>,
 }
 
 /// The disc, enlarged for cells that it cannot tell apart, cut into texels.
@@ -171,14 +176,24 @@ impl<'a> Panes<'a> {
         if !open.is_sorted() || open.last().is_some_and(|&v| v as usize >= asset.n_vertices()) {
             return Err(wrong(2, "not a rising list of vertices"));
         }
-        let polygons = start.windows(2).map(|w| Pane::new(&corner[w[0] as usize..w[1] as usize])).collect();
+        let polygon = |w: &[u32]| Pane::new(&corner[w[0] as usize..w[1] as usize]);
+        let polygons: Vec<Pane> = start.windows(2).map(polygon).collect();
         let (low, high) = asset.positions().iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| {
             (l.min(Vec3::from(*p)), h.max(Vec3::from(*p)))
         });
         let (position, normal) = (asset.positions(), asset.normals());
         let cell =
             vertex_area(asset).iter().map(|area| (area / std::f64::consts::PI).sqrt() as f32).collect();
-        Ok(Some(Panes { polygons, open, position, normal, size: (high - low).length(), cell }))
+        Ok(Some(Panes {
+            all: Ball::around(&polygons),
+            groups: polygons.chunks(GROUP).map(Ball::around).collect(),
+            polygons,
+            open,
+            position,
+            normal,
+            size: (high - low).length(),
+            cell,
+        }))
     }
 }
 
@@ -189,17 +204,17 @@ impl<'a> Pane<'a> {
         let centre = (0..n).map(at).sum::<Vec3>() / n as f32;
         let normal = (0..n).map(|i| (at(i) - centre).cross(at(i + 1) - centre)).sum::<Vec3>();
         let radius = (0..n).map(|i| at(i).distance(centre)).fold(0.0, f32::max);
-        Pane { corners, centre, normal: normal.normalize_or_zero(), radius }
+        Pane { corners, normal: normal.normalize_or_zero(), ball: Ball { centre, radius } }
     }
 
     /// Calls `met` with the normals, of any length and towards the inside, of the planes that bound the polygon as seen
     /// from `p`.
     fn for_each_side(&self, p: Vec3, mut met: impl FnMut(Vec3)) {
         let Some(last) = self.corners.last() else { return };
-        let mut height = self.normal.dot(p - self.centre);
-        let level = LEVEL * self.radius;
+        let mut height = self.normal.dot(p - self.ball.centre);
+        let level = LEVEL * self.ball.radius;
         let p = if height.abs() < level { p + (level - height) * self.normal } else { p };
-        height = self.normal.dot(p - self.centre);
+        height = self.normal.dot(p - self.ball.centre);
         let mut a = Vec3::from(*last) - p;
         for b in self.corners {
             let b = Vec3::from(*b) - p;
@@ -207,6 +222,23 @@ impl<'a> Pane<'a> {
             met(if height < 0.0 { side } else { -side });
             a = b;
         }
+    }
+}
+
+impl Ball {
+    fn around(panes: &[Pane]) -> Ball {
+        let n = panes.len().max(1) as f32;
+        let centre = panes.iter().map(|pane| pane.ball.centre).sum::<Vec3>() / n;
+        let radius = panes.iter().map(|p| p.ball.centre.distance(centre) + p.ball.radius).fold(0.0, f32::max);
+        Ball { centre, radius }
+    }
+
+    /// Whether something of it may lie within an angle about the direction `d` from `p`.
+    fn is_near(&self, p: Vec3, d: Vec3, tangent: f32) -> bool {
+        let to = self.centre - p;
+        let along = to.dot(d);
+        let aside = self.radius + (along + self.radius).max(0.0) * tangent;
+        along >= -self.radius && to.length_squared() - along * along <= aside * aside
     }
 }
 
@@ -219,10 +251,6 @@ impl Beam {
             n_sizes: 0,
             sine: 0.0,
             spread: 0.0,
-            axes: [Vec3::X, Vec3::Z],
-            low: Vec2::ZERO,
-            cells_per_metre: Vec2::ZERO,
-            grid: vec![0; GRID * GRID],
         }
     }
 
@@ -231,8 +259,8 @@ impl Beam {
         disc.radius <= LARGEST && disc.radius > 0.0 && disc.radiance != Vec3::ZERO
     }
 
-    /// Takes on a disc that shines through the panes of a portal of `n` x `n` x 6 texels.
-    pub fn set(&mut self, disc: &Cap, n: usize, panes: &Panes) {
+    /// Takes on a disc that shines through a portal of `n` x `n` x 6 texels.
+    pub fn set(&mut self, disc: &Cap, n: usize) {
         self.disc = *disc;
         let blurs = std::iter::successors(Some(LEAST_BLUR), |blur| Some(2.0 * blur));
         let larger = blurs.map(|blur| blur.hypot(disc.radius)).take_while(|radius| *radius <= LARGEST);
@@ -244,7 +272,10 @@ impl Beam {
             self.sizes[self.n_sizes].cut(disc, radius, n);
             self.n_sizes += 1;
         }
-        self.lay_out(panes);
+        let reach = self.sizes[..self.n_sizes].iter().fold(1.0, |least: f32, size| least.min(size.reach));
+        let reach = reach.clamp(0.1, 1.0);
+        self.sine = (1.0 - reach * reach).sqrt();
+        self.spread = self.sine / reach;
     }
 
     /// Radiance of the disc; to be multiplied by the glass.
@@ -255,49 +286,6 @@ impl Beam {
     /// Direction to the disc.
     pub fn axis(&self) -> Vec3 {
         self.disc.axis
-    }
-
-    /// Fills the grid.
-    fn lay_out(&mut self, panes: &Panes) {
-        let (u, v) = self.disc.axis.any_orthonormal_pair();
-        self.axes = [u, v];
-        self.grid.fill(0);
-        let flat = |p: Vec3| Vec2::new(p.dot(u), p.dot(v));
-        // Farther than this from a polygon, across, none of its light in these texels arrives.
-        let reach = self.sizes[..self.n_sizes].iter().fold(1.0, |least: f32, size| least.min(size.reach));
-        let reach = reach.clamp(0.1, 1.0);
-        self.sine = (1.0 - reach * reach).sqrt();
-        self.spread = self.sine / reach;
-        let aside = panes.size * self.spread;
-        let extent = |pane: &Pane| (flat(pane.centre), pane.radius + aside);
-        let (low, high) = panes
-            .polygons
-            .iter()
-            .map(extent)
-            .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), (centre, radius)| {
-                (low.min(centre - radius), high.max(centre + radius))
-            });
-        self.low = low;
-        self.cells_per_metre = GRID as f32 / (high - low).max(Vec2::splat(f32::MIN_POSITIVE));
-        for (i, pane) in panes.polygons.iter().enumerate() {
-            let (centre, radius) = extent(pane);
-            let [from, to] = [centre - radius, centre + radius].map(|p| {
-                ((p - low) * self.cells_per_metre).clamp(Vec2::ZERO, Vec2::splat(GRID as f32 - 1.0))
-            });
-            for y in from.y as usize..=to.y as usize {
-                for x in from.x as usize..=to.x as usize {
-                    self.grid[y * GRID + x] |= 1 << (i % 64);
-                }
-            }
-        }
-    }
-
-    /// Bits of the polygons that may matter at `p`.
-    fn candidates(&self, p: Vec3) -> u64 {
-        let [u, v] = self.axes;
-        let at = (Vec2::new(p.dot(u), p.dot(v)) - self.low) * self.cells_per_metre;
-        let is_inside = at.cmpge(Vec2::ZERO).all() && at.cmplt(Vec2::splat(GRID as f32)).all();
-        if is_inside { self.grid[at.y as usize * GRID + at.x as usize] } else { 0 }
     }
 
     /// E = L x this of vertex `v`, steradians.
@@ -313,11 +301,19 @@ impl Beam {
             scratch.push_cone(0);
             return self.sizes[0].transfer((v, n), rows, scratch);
         }
-        let bits = self.candidates(p);
-        if bits == 0 {
+        if !panes.all.is_near(p, self.disc.axis, self.spread) || rows.is_dark(v) {
             return 0.0;
         }
-        let Some(way) = self.find(p, bits, panes, widest, scratch) else { return 0.0 };
+        if panes.polygons.len() > GROUP {
+            // A look at the row is sooner done than one at hundreds of polygons.
+            let size = &self.sizes[self.n_sizes - 1];
+            let texels = &mut scratch.texels[..size.pieces.len()];
+            rows.probe(v, &size.probe, texels);
+            if texels[..size.n_touched].iter().all(|t| *t <= 0.0) {
+                return 0.0;
+            }
+        }
+        let Some(way) = self.find(p, panes, widest, scratch) else { return 0.0 };
         // As large as the cell looks from the window.
         let cell = panes.cell[v] * cosine.max(0.0).sqrt();
         let wanted = (cell / way).hypot(self.disc.radius);
@@ -329,19 +325,12 @@ impl Beam {
     }
 
     /// Lists the sides of all polygons near the disc; the way to the nearest one that may hold a part of it at its widest.
-    fn find(&self, p: Vec3, bits: u64, panes: &Panes, widest: f32, scratch: &mut Scratch) -> Option<f32> {
+    fn find(&self, p: Vec3, panes: &Panes, widest: f32, scratch: &mut Scratch) -> Option<f32> {
         let (s, sine) = (self.disc.axis, widest.sin());
+        let groups = panes.groups.iter().zip(panes.polygons.chunks(GROUP));
+        let near = groups.filter(|(ball, _)| ball.is_near(p, s, self.spread)).flat_map(|(_, panes)| panes);
         let mut nearest: Option<f32> = None;
-        for (i, pane) in panes.polygons.iter().enumerate() {
-            if bits >> (i % 64) & 1 == 0 {
-                continue;
-            }
-            let to = pane.centre - p;
-            let along = to.dot(s);
-            let aside = pane.radius + along.max(0.0) * self.spread;
-            if along < -pane.radius || to.length_squared() - along * along > aside * aside {
-                continue;
-            }
+        for pane in near.filter(|pane| pane.ball.is_near(p, s, self.spread)) {
             let first = scratch.n_sides;
             let (mut may_hold, mut may_touch) = (true, true);
             pane.for_each_side(p, |side| {
@@ -363,9 +352,10 @@ impl Beam {
             if may_hold {
                 // Where the axis meets the pane's plane.
                 let slope = pane.normal.dot(s);
-                let way = pane.normal.dot(pane.centre - p) / slope;
-                let way = if way.is_finite() { way } else { along };
-                let way = way.clamp(1e-3 * pane.radius, 2.0 * panes.size);
+                let to = pane.ball.centre - p;
+                let way = pane.normal.dot(to) / slope;
+                let way = if way.is_finite() { way } else { to.dot(s) };
+                let way = way.clamp(1e-3 * pane.ball.radius, 2.0 * panes.size);
                 nearest = Some(nearest.map_or(way, |n| n.min(way)));
             }
         }
@@ -428,6 +418,8 @@ impl Size {
                 let share = t / whole.max(f32::MIN_POSITIVE);
                 if share > 1.0 - rounding {
                     sum += part;
+                } else if share > rounding && scratch.n_cones > MOST_FOR_A_LINE {
+                    sum += share * part;
                 } else if share > rounding {
                     sum += self.lit_part((i, part), n, share, scratch);
                 }

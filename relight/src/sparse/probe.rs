@@ -48,6 +48,11 @@ impl Probe {
 }
 
 impl Rows<'_> {
+    /// Whether row `v` has no texel.
+    pub(crate) fn is_dark(&self, v: usize) -> bool {
+        self.start[v] == self.start[v + 1]
+    }
+
     /// Writes the texels of row `v` that `probe` asks for, steradians; `out` has one place for each.
     pub(crate) fn probe(&self, v: usize, probe: &Probe, out: &mut [f32]) {
         out.fill(0.0);
