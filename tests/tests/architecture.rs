@@ -84,7 +84,7 @@ fn relighting_an_interior_does_not_allocate() {
     let n = frame.resolution(0);
     // Suns that wander across texels and faces, of which the first makes room.
     let lights: Vec<_> = (0..8)
-        .map(|i| light(&format!("uniform + cap:-1,0.5,{},0.03,90", 0.2 * i as f32 - 0.7)))
+        .map(|i| light(&format!("uniform + cap:-1,0.5,{},0.03,9000", 0.2 * i as f32 - 0.7)))
         .map(|light| {
             let mut texels = vec![[0.0; 3]; n_texels(n)];
             project_light(&light, n, &mut texels);
@@ -105,7 +105,7 @@ fn relighting_an_interior_does_not_allocate() {
         let counted = allocation_counter::measure(|| lights.iter().for_each(&mut relight));
         assert_eq!(counted.count_total, 0, "{way:?}");
     }
-    assert!(out.iter().any(|e| e[0] > 10.0), "no sun");
+    assert!(out.iter().any(|e| e[0] > 5.0), "no sun");
 }
 
 #[test]
