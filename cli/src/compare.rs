@@ -18,6 +18,8 @@ use crate::{args, bake, glossy, light, output, portals, relight, render, scene, 
 /// What is compared where nothing else is asked for.
 const UNDER_THE_SKY: [&str; 5] = ["bent", "aperture", "sh3", "sh5", "sh10"];
 pub const INSIDE: [&str; 4] = ["sh5", "sh10", "portal-sh4", "portal-d2i"];
+/// Without a bounce.
+const INSIDE_DIRECT: [&str; 3] = ["sh5", "sh10", "portal"];
 
 /// What a name on the command line means.
 #[derive(Clone, Copy)]
@@ -45,7 +47,11 @@ pub fn run(arguments: &args::Compare) -> Result<()> {
     let asked = candidates(&arguments.methods)?;
     let mut scene = scene::load(&arguments.scene, &arguments.read)?;
     let portals = portals::take(&mut scene, &arguments.scene, &arguments.portals.openings)?;
-    let default: &[&str] = if portals.is_empty() { &UNDER_THE_SKY } else { &INSIDE };
+    let default: &[&str] = match (portals.is_empty(), effort.bounces) {
+        (true, _) => &UNDER_THE_SKY,
+        (false, 0) => &INSIDE_DIRECT,
+        (false, _) => &INSIDE,
+    };
     let default: Vec<String> = default.iter().map(|m| m.to_string()).collect();
     let candidates = if asked.is_empty() { candidates(&default)? } else { asked };
     if portals.is_empty()
@@ -53,6 +59,14 @@ pub fn run(arguments: &args::Compare) -> Result<()> {
     {
         anyhow::bail!(
             "--methods: {name} needs portals; name them with --portal, or let `lunette portals` find them"
+        );
+    }
+    let is_bounced = |c: &Candidate| matches!(c, Candidate::PortalSh(_) | Candidate::PortalDirectToIndirect);
+    if effort.bounces == 0
+        && let Some((name, _)) = candidates.iter().find(|(_, c)| is_bounced(c))
+    {
+        anyhow::bail!(
+            "--methods: {name} says how light bounces, of which --bounces 0 leaves none; give portal"
         );
     }
     let mut lights = light::frames(&arguments.light, scene.mesh.bounds())?;

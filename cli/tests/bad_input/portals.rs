@@ -148,3 +148,22 @@ fn nearest_exterior_that_is_absurd_is_named() {
     }
     bake_fails(&folder, &["--portal", "glass", "--nearest-exterior", "0.1"], &["'glass'", "256 portals"]);
 }
+
+#[test]
+fn ways_of_bounced_light_that_are_absurd_or_of_none_are_named() {
+    let folder = Folder::new();
+    let carried = ["--portal", "glass", "--basis", "direct-to-indirect"];
+    for (option, value, range) in
+        [("--links", "0", "1..=1024"), ("--links", "2000", "1..=1024"), ("--patches", "40000", "16..=32767")]
+    {
+        bake_fails(&folder, &[&carried[..], &[option, value]].concat(), &[option, value, range]);
+    }
+    let compare = ["compare", ROOM, "--portal", "glass", "--bounces", "0", "--light", "uniform", "-o", "out"];
+    for method in ["portal-d2i", "portal-sh4"] {
+        fails_late(
+            &folder,
+            &[&compare[..], &["--methods", method]].concat(),
+            &["--methods", method, "--bounces 0", "give portal"],
+        );
+    }
+}
