@@ -1,9 +1,9 @@
 //! Direct-to-indirect transport: bounced light as a function of the direct light, whatever shines.
 //!
 //! The surface is halved again and again, down to P patches: a binary tree of 2 P - 1 nodes ([`tree`]). With R the light
-//! that leaves a patch of itself (albedo times direct irradiance, mean over the patch by what its vertices see of others), F\[v,p\] the share of the
-//! cosine-weighted hemisphere of v that patch p fills, and F̄ the mean of F over the vertices of a patch, the light that
-//! leaves a patch in all is
+//! that leaves a patch of itself (albedo times direct irradiance, mean over the patch by what its vertices see of
+//! others), F\[v,p\] the share of the cosine-weighted hemisphere of v that patch p fills, and F̄ the mean of F over the
+//! vertices of a patch, the light that leaves a patch in all is
 //!
 //! B = R + ρ F̄ B,   and   E_indirect(v) = Σ_p F\[v,p\] B\[p\].
 //!
@@ -31,7 +31,7 @@ use lunette_scenes::Scene;
 use rayon::prelude::*;
 
 use crate::fill;
-use crate::gather::{Pass, lane_of, packet};
+use crate::gather::{lane_of, packet};
 use crate::glossy::vertex_reflectance;
 use crate::sampling::{HemisphereSets, LANES, hash};
 use crate::smooth::Smoother;
@@ -103,18 +103,7 @@ pub fn carrier(
     let leaf = tree.leaf_of_vertices();
     let rays = options.rays.max(FEWEST_RAYS).next_multiple_of(LANES);
     let sets = HemisphereSets::new(rays, hash(options.seed, 0xf1));
-    let done = std::sync::atomic::AtomicU64::new(0);
-    let total = (n_vertices * rays) as u64;
-    let pass = Pass {
-        surface,
-        sets: &sets,
-        order: 0,
-        seed: options.seed,
-        stage: "direct to indirect",
-        total,
-        done: &done,
-    };
-    let rows = Rows::trace(&pass, &leaf, tree.n_leaves(), lie, progress)?;
+    let rows = Rows::trace(surface, &sets, (&leaf, tree.n_leaves()), lie, progress)?;
     // What lies in other geometry takes the row of a neighbour.
     let donors = fill::donors(&scene.mesh, lie.buried).sources(n_vertices);
     // What a vertex sends to others is what it sees of them: not its light on the sky.
@@ -145,10 +134,18 @@ pub fn carrier(
     };
     let mut weight = patches.sending();
     let areas: Vec<f32> = patches.members.iter().map(|list| list.iter().map(|&v| area[v]).sum()).collect();
+    // What each patch sends to all others.
+    let mut sent = vec![0.0; areas.len()];
+    let mut dense = vec![0.0; areas.len()];
+    for (members, area) in patches.members.iter().zip(&areas) {
+        dense.fill(0.0);
+        of_patch(members, &mut dense);
+        sent.iter_mut().zip(&dense).for_each(|(sum, share)| *sum += area * share);
+    }
     for _ in 0..BALANCES {
         let found = linker.link(&weight, &patches.members, of_patch);
-        let (all, linked) = linker.sent(&weight, &areas, &patches.members, of_patch, &found);
-        for ((w, all), linked) in weight.iter_mut().zip(all).zip(linked) {
+        let linked = linker.sent(&weight, &areas, &found);
+        for ((w, all), linked) in weight.iter_mut().zip(&sent).zip(linked) {
             *w *= (all / linked.max(f32::MIN_POSITIVE)).clamp(0.5, 2.0);
         }
     }
@@ -185,12 +182,13 @@ const SHARE: f32 = 1024.0;
 
 impl Rows {
     fn trace(
-        pass: &Pass,
-        leaf: &[Option<u16>],
-        n_leaves: usize,
+        surface: &Surface,
+        sets: &HemisphereSets,
+        (leaf, n_leaves): (&[Option<u16>], usize),
         lie: &Lie,
         progress: &dyn Progress,
     ) -> Result<Rows, Error> {
+        let rays = |n_vertices: usize| (n_vertices * sets.n_rays()) as u64;
         let mut rows = Rows { start: vec![0], patch: Vec::new(), share: Vec::new() };
         for first in (0..leaf.len()).step_by(BLOCK) {
             if progress.cancelled() {
@@ -201,7 +199,7 @@ impl Rows {
                 .into_par_iter()
                 .map_init(
                     || vec![0.0f32; n_leaves],
-                    |dense, v| if lie.unlit[v] { Vec::new() } else { row(pass, leaf, v, dense) },
+                    |dense, v| if lie.unlit[v] { Vec::new() } else { row(surface, sets, leaf, v, dense) },
                 )
                 .collect();
             for row in found {
@@ -209,7 +207,7 @@ impl Rows {
                 rows.share.extend(row.iter().map(|entry| entry.1));
                 rows.start.push(rows.patch.len());
             }
-            progress.report(pass.stage, (end * pass.sets.n_rays()) as u64, pass.total);
+            progress.report("direct to indirect", rays(end), rays(leaf.len()));
         }
         Ok(rows)
     }
@@ -223,21 +221,27 @@ impl Rows {
 }
 
 /// The row of a vertex; `dense` is zeros before and after.
-fn row(pass: &Pass, leaf: &[Option<u16>], v: usize, dense: &mut [f32]) -> Vec<(u16, f16)> {
-    let (set, frame) = pass.sets.at(v, pass.surface.mesh.normal[v]);
+fn row(
+    surface: &Surface,
+    sets: &HemisphereSets,
+    leaf: &[Option<u16>],
+    v: usize,
+    dense: &mut [f32],
+) -> Vec<(u16, f16)> {
+    let (set, frame) = sets.at(v, surface.mesh.normal[v]);
     let mut touched: Vec<u16> = Vec::new();
     let mut all = 0.0;
     for local in set {
-        let (mut rays, world) = packet(pass.surface.origin[v], &frame, local);
+        let (mut rays, world) = packet(surface.origin[v], &frame, local);
         let mut hits = ffi::Hits::<LANES>::default();
-        pass.surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
+        surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
         for (lane, z) in local.z.into_iter().enumerate() {
             all += z;
             let Some(hit) = hits.get(&rays, lane) else { continue };
             if lane_of(&world, lane).dot(Vec3::from(hit.normal)) >= 0.0 {
                 continue;
             }
-            let corners = pass.surface.mesh.index[hit.primitive as usize];
+            let corners = surface.mesh.index[hit.primitive as usize];
             let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
             let nearest = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
             if let Some(p) = leaf[corners[nearest] as usize] {

@@ -6,17 +6,15 @@
 //!
 //!     cargo bench -p lunette-benches --bench methods
 
-use std::borrow::Cow;
 use std::error::Error;
 use std::hint::black_box;
 
 use glam::Vec3;
-use half::f16;
 use lunette_bake::{Options, Silent};
 use lunette_benches::chart::{Chart, Page, Point, Series};
-use lunette_benches::least;
+use lunette_benches::{fewer_bands, least};
 use lunette_relight::aperture::Intersection;
-use lunette_relight::asset::{Asset, Data};
+use lunette_relight::asset::Asset;
 use lunette_relight::frame::{Frame, Method};
 use lunette_relight::light::{Cap, CieOvercast, Light, Sky, Source, Window};
 use lunette_render::{ReferenceOptions, Surface, Tracer};
@@ -127,7 +125,8 @@ fn measure(
 ) -> Result<Vec<Case>, Box<dyn Error>> {
     let options = Options { order: 10, indirect_order: 1, rays: RAYS, bounces: 0, ..Options::default() };
     let asset = lunette_bake::bake(scene, &options, &Silent)?;
-    let assets = (1..=10).map(|order| cut(&asset, order)).collect::<Result<Vec<_>, _>>()?;
+    let assets =
+        (1..=10).map(|order| fewer_bands(&asset, "sky.direct.sh", order)).collect::<Result<Vec<_>, _>>()?;
     let albedo = scene.vertex_albedo();
     let mesh = &scene.mesh;
     let surface =
@@ -145,17 +144,6 @@ fn measure(
         Ok(Case { light: label, noise, outcomes })
     };
     lights(name)?.into_iter().map(judge).collect()
-}
-
-/// The asset as it would be if it had been baked with fewer bands: a frame reads all that there are.
-fn cut(asset: &Asset<'static>, order: usize) -> Result<Asset<'static>, Box<dyn Error>> {
-    let name = "sky.direct.sh";
-    let (values, _) = asset.half(name).ok_or("no SH in the asset")?;
-    let all = asset.order(name).unwrap_or(0).pow(2);
-    let kept: Vec<f16> = values.chunks_exact(all).flat_map(|row| &row[..order * order]).copied().collect();
-    let mut asset = asset.clone();
-    asset.insert(name, &[asset.n_vertices(), order * order], Data::F16(Cow::Owned(kept)));
-    Ok(asset)
 }
 
 fn outcome(

@@ -7,14 +7,13 @@
 //!
 //!     cargo bench -p lunette-benches --bench suns
 
-use std::borrow::Cow;
 use std::error::Error;
 
 use glam::Vec3;
-use half::f16;
 use lunette_bake::{Basis, Options, PortalOptions, Silent, bake_portals};
 use lunette_benches::chart::{Chart, Page, Point, Series};
-use lunette_relight::asset::{Asset, Data};
+use lunette_benches::fewer_bands;
+use lunette_relight::asset::Asset;
 use lunette_relight::cubemap::{n_texels, project_light};
 use lunette_relight::indirect::Indirect;
 use lunette_relight::light::{Cap, CieOvercast, Light, Source};
@@ -62,7 +61,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let options =
         Options { basis, order: ORDERS, indirect_order: ORDERS, bounces: BOUNCES, ..Options::default() };
     let (asset, _) = bake_portals(&room, &portals, &options, &PortalOptions::default(), &Silent)?;
-    let assets = (1..=ORDERS).map(|order| cut(&asset, order)).collect::<Result<Vec<_>, _>>()?;
+    let assets = (1..=ORDERS)
+        .map(|order| fewer_bands(&asset, "portal.0.indirect.sh", order))
+        .collect::<Result<Vec<_>, _>>()?;
     let albedo = room.vertex_albedo();
     let mesh = &room.mesh;
     let surface =
@@ -108,17 +109,6 @@ fn cases() -> Vec<Case> {
     });
     let overcast = Light::new(Source::CieOvercast(CieOvercast::new(Vec3::ONE)));
     suns.into_iter().chain([Case { name: "overcast sky".into(), lights: vec![overcast] }]).collect()
-}
-
-/// The asset as it would be if it had been baked with fewer bands.
-fn cut(asset: &Asset<'static>, order: usize) -> Result<Asset<'static>, Box<dyn Error>> {
-    let name = "portal.0.indirect.sh";
-    let (values, _) = asset.half(name).ok_or("no SH in the asset")?;
-    let rows = values.chunks_exact(3 * ORDERS * ORDERS);
-    let kept: Vec<f16> = rows.flat_map(|row| &row[..3 * order * order]).copied().collect();
-    let mut asset = asset.clone();
-    asset.insert(name, &[asset.n_vertices(), order * order, 3], Data::F16(Cow::Owned(kept)));
-    Ok(asset)
 }
 
 fn judge(case: &Case, assets: &[Asset], tracer: &Tracer, at: &[[u32; 3]]) -> Result<Outcome, Box<dyn Error>> {

@@ -17,7 +17,7 @@
 //!
 //! E(v) = Σ over portals of < direct_k(v), shell_k > + bounced light, either Σ < indirect_k(v), SH of shell_k > or
 //! carried from the direct light of all portals together ([`Carrier`]). A frame does not allocate; setting a frosted
-//! material does.
+//! material does, and more small discs than ever before.
 //!
 //! Beside its rows ([`sparse`](crate::sparse)) and SH, the asset may have of portal k
 //!
@@ -50,10 +50,7 @@ use crate::sparse::{Rows, SparseLight};
 mod beam;
 
 pub(crate) use beam::Scratch;
-use beam::{Beam, Panes};
-
-/// Discs of a portal's light that it takes without an allocation.
-const DISCS: usize = 4;
+use beam::{Beam, Panes, Receivers};
 
 /// Why an asset cannot be lit through portals.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,6 +69,7 @@ pub struct PortalFrame<'a> {
     carrier: Option<Carrier<'a>>,
     indirect: Indirect,
     n_vertices: usize,
+    receivers: Receivers<'a>,
 }
 
 struct PortalLight<'a> {
@@ -125,6 +123,7 @@ impl<'a> PortalFrame<'a> {
             carrier: Carrier::open(asset),
             indirect: Indirect::None,
             n_vertices: asset.n_vertices(),
+            receivers: Receivers::new(asset),
         };
         while let Some(rows) = Rows::open(asset, &format!("portal.{}.direct", frame.portals.len()))? {
             frame.add_portal(asset, rows)?;
@@ -152,7 +151,7 @@ impl<'a> PortalFrame<'a> {
             panes: Panes::open(asset, k)?,
             beams: Vec::new(),
             n_beams: 0,
-            discs: Vec::with_capacity(DISCS),
+            discs: Vec::new(),
             rest: dark.clone(),
             bounced,
             material: Material { tint: shell.and_then(|s| s.tint).unwrap_or([1.0; 3]), ..Material::CLEAR },
@@ -300,19 +299,19 @@ impl<'a> PortalFrame<'a> {
         out.fill([0.0; 3]);
         for portal in self.portals.iter().filter(|p| p.lit == Lit::Bright) {
             portal.rows.add(first, &portal.light, out);
-            portal.add_beams(first, out);
+            let mut scratch = Scratch::default();
+            for shaft in portal.shafts(&self.receivers) {
+                for (v, out) in (first..).zip(&mut *out) {
+                    *out = (Vec3::from(*out) + shaft.irradiance(v, &mut scratch)).to_array();
+                }
+            }
         }
     }
 
     /// Light of portal `k` behind its glass without its beams, and those.
     pub(crate) fn apart(&self, k: usize) -> (&[[f32; 3]], impl Iterator<Item = Shaft<'_>>) {
         let portal = &self.portals[k];
-        let rest = if portal.n_beams > 0 { &portal.rest } else { &portal.texels };
-        let panes = portal.panes.as_ref();
-        let shafts = portal.beams[..portal.n_beams].iter().filter_map(move |beam| {
-            Some(Shaft { beam, panes: panes?, rows: &portal.rows, tint: portal.material.tint })
-        });
-        (rest, shafts)
+        (portal.without_beams(), portal.shafts(&self.receivers))
     }
 
     /// Takes on the direct irradiance of all vertices, from which [`add_indirect`](Self::add_indirect) then carries
@@ -394,9 +393,11 @@ pub(crate) fn check(asset: &Asset) -> Result<(), asset::Error> {
 /// A beam of one portal.
 pub(crate) struct Shaft<'a> {
     beam: &'a Beam,
+    receivers: &'a Receivers<'a>,
     panes: &'a Panes<'a>,
     rows: &'a Rows<'a>,
-    tint: [f32; 3],
+    /// Behind the glass.
+    radiance: Vec3,
 }
 
 impl Shaft<'_> {
@@ -407,25 +408,23 @@ impl Shaft<'_> {
 
     /// Its irradiance of vertex `v`.
     pub fn irradiance(&self, v: usize, scratch: &mut Scratch) -> Vec3 {
-        let transfer = self.beam.transfer(v, self.panes, self.rows, scratch);
-        transfer * self.beam.radiance() * Vec3::from(self.tint)
+        self.beam.transfer(v, self.receivers, (self.panes, self.rows), scratch) * self.radiance
     }
 }
 
 impl PortalLight<'_> {
-    /// Adds the beams' irradiance to the vertices from `first` on.
-    fn add_beams(&self, first: usize, out: &mut [[f32; 3]]) {
-        let Some(panes) = &self.panes else { return };
-        let mut scratch = Scratch::default();
-        for beam in &self.beams[..self.n_beams] {
-            let radiance = beam.radiance() * Vec3::from(self.material.tint);
-            for (v, out) in (first..).zip(&mut *out) {
-                let transfer = beam.transfer(v, panes, &self.rows, &mut scratch);
-                if transfer > 0.0 {
-                    *out = (Vec3::from(*out) + transfer * radiance).to_array();
-                }
-            }
-        }
+    /// The beams, as they fall on vertices.
+    fn shafts<'s>(&'s self, receivers: &'s Receivers<'s>) -> impl Iterator<Item = Shaft<'s>> {
+        let tint = Vec3::from(self.material.tint);
+        let panes = self.panes.as_ref();
+        self.beams[..self.n_beams].iter().filter_map(move |beam| {
+            Some(Shaft { beam, receivers, panes: panes?, rows: &self.rows, radiance: beam.radiance() * tint })
+        })
+    }
+
+    /// What texels hold beside the beams.
+    fn without_beams(&self) -> &[[f32; 3]] {
+        if self.n_beams > 0 { &self.rest } else { &self.texels }
     }
 
     /// Discs into beams, and `rest` without them.

@@ -8,7 +8,7 @@
 //! b being the patches' expected brightness. From the root on, the link with the largest such bound is replaced by those to
 //! its two children, until there are K.
 //!
-//! Weights are areas at first. But then a patch that many rows see more of than of its neighbours would send out too
+//! Weights are at first what the vertices of a patch see of others. But then a patch that many rows see more of than of its neighbours would send out too
 //! little in all, and the room would be darker than it is: weights are multiplied by what the patches' rows themselves
 //! say that a patch sends, over what their links do, and links are chosen again.
 //!
@@ -77,12 +77,7 @@ impl Linker<'_> {
         for ((&node, w), b) in leaves.iter().zip(weight).zip(&self.bright) {
             size[node] = (*w, w * b * b);
         }
-        for node in (0..size.len()).rev() {
-            let [l, r] = self.tree.children[node].map(usize::from);
-            if l > 0 {
-                size[node] = (size[l].0 + size[r].0, size[l].1 + size[r].1);
-            }
-        }
+        self.tree.add_up(&mut size, |l, r| (l.0 + r.0, l.1 + r.1));
         let rows: Vec<(Vec<(u16, u8)>, f32)> = things
             .par_iter()
             .map_init(
@@ -106,22 +101,10 @@ impl Linker<'_> {
         links
     }
 
-    /// What each patch sends to all others, by area: by the rows themselves, and by their links.
-    pub fn sent<T>(
-        &self,
-        weight: &[f32],
-        areas: &[f32],
-        things: &[T],
-        fill: impl Fn(&T, &mut [f32]),
-        links: &Links,
-    ) -> (Vec<f32>, Vec<f32>) {
-        let leaves = self.tree.leaves();
-        let (mut all, mut dense) = (vec![0.0; leaves.len()], vec![0.0; leaves.len()]);
+    /// What each patch sends by the links of rows of these areas.
+    pub fn sent(&self, weight: &[f32], areas: &[f32], links: &Links) -> Vec<f32> {
         let mut nodes = vec![0.0f32; self.tree.children.len()];
-        for (i, (thing, area)) in things.iter().zip(areas).enumerate() {
-            dense.fill(0.0);
-            fill(thing, &mut dense);
-            all.iter_mut().zip(&dense).for_each(|(sum, share)| *sum += area * share);
+        for (i, area) in areas.iter().enumerate() {
             let row = i * links.n_links..(i + 1) * links.n_links;
             for (node, q) in links.node[row.clone()].iter().zip(&links.share[row]) {
                 nodes[usize::from(*node)] += area * links.scale[i] * f32::from(*q).powi(2);
@@ -134,7 +117,7 @@ impl Linker<'_> {
                 nodes[child] += nodes[node] * whole[child] / whole[node].max(f32::MIN_POSITIVE);
             }
         }
-        (all, leaves.iter().map(|&node| nodes[node]).collect())
+        self.tree.leaves().iter().map(|&node| nodes[node]).collect()
     }
 
     /// Nodes and their shares.
@@ -151,17 +134,11 @@ impl Linker<'_> {
             let squares = if w > 0.0 { bright * share / w } else { 0.0 };
             sums[node] = Sums { share, bright, squares };
         }
-        for node in (0..sums.len()).rev() {
-            let [l, r] = self.tree.children[node].map(usize::from);
-            if l > 0 {
-                let (l, r) = (sums[l], sums[r]);
-                sums[node] = Sums {
-                    share: l.share + r.share,
-                    bright: l.bright + r.bright,
-                    squares: l.squares + r.squares,
-                };
-            }
-        }
+        self.tree.add_up(sums, |l, r| Sums {
+            share: l.share + r.share,
+            bright: l.bright + r.bright,
+            squares: l.squares + r.squares,
+        });
         let open = |node: usize| {
             let (Sums { share, bright, squares }, (whole, size)) = (sums[node], size[node]);
             let is_patch = self.tree.children[node] == [0, 0];
@@ -236,11 +213,6 @@ impl Links {
 fn wholes(tree: &Tree, weight: &[f32]) -> Vec<f32> {
     let mut whole = vec![0.0; tree.children.len()];
     tree.leaves().into_iter().zip(weight).for_each(|(node, w)| whole[node] = *w);
-    for node in (0..whole.len()).rev() {
-        let [l, r] = tree.children[node].map(usize::from);
-        if l > 0 {
-            whole[node] = whole[l] + whole[r];
-        }
-    }
+    tree.add_up(&mut whole, |l, r| l + r);
     whole
 }

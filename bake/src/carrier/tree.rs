@@ -74,6 +74,16 @@ impl Tree {
         (0..self.children.len()).filter(|&node| self.children[node] == [0, 0]).collect()
     }
 
+    /// Makes the value of each node with children the sum of theirs.
+    pub fn add_up<T: Copy>(&self, values: &mut [T], add: impl Fn(T, T) -> T) {
+        for (node, pair) in self.children.iter().enumerate().rev() {
+            let [l, r] = pair.map(usize::from);
+            if l > 0 {
+                values[node] = add(values[l], values[r]);
+            }
+        }
+    }
+
     /// P.
     pub fn n_leaves(&self) -> usize {
         self.children.len().div_ceil(2)

@@ -6,10 +6,10 @@
 //! of all portals. One endless shadow ray answers for the inside and for backward occlusion outside, as portals block
 //! nothing.
 //!
-//! The share of each texel that the opening covers is known exactly ([`footprint`](lunette_relight::cubemap::footprint)), so that rays are spent on what is
-//! in the way alone: T = Σ over openings F (Σ w V / Σ w), with a few stratified rays within each piece, and more where
-//! a piece or its neighbour is seen in part. Where nothing is in the way the row is exact, however small or near the
-//! window, on its very plane too.
+//! The share of each texel that the opening covers is known exactly ([`footprint`](lunette_relight::cubemap::footprint)),
+//! so that rays are spent on what is in the way alone: T = Σ over openings F (Σ w V / Σ w), with a few stratified rays
+//! within each piece, and more where a piece or its neighbour is seen in part. Where nothing is in the way the row is
+//! exact, however small or near the window, on its very plane too.
 //!
 //! Where it breaks: what is in the way and thinner than the few rays of a texel are apart may be missed.
 //!

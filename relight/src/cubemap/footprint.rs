@@ -178,23 +178,29 @@ fn clip<P: Point>(polygon: &[P], out: &mut Vec<P>, inside: impl Fn(P) -> f32) {
 
 /// As [`clip`], after what is there already.
 fn clip_onto<P: Point>(polygon: &[P], out: &mut Vec<P>, inside: impl Fn(P) -> f32) {
+    clip_each(polygon, inside, |p| out.push(p));
+}
+
+/// Calls `push` with the corners of what [`clip`] leaves.
+#[inline]
+pub(crate) fn clip_each<P: Point>(polygon: &[P], inside: impl Fn(P) -> f32, mut push: impl FnMut(P)) {
     let Some(&last) = polygon.last() else { return };
     let mut previous = (last, inside(last));
     for &q in polygon {
         let (p, a) = previous;
         let b = inside(q);
         if (a >= 0.0) != (b >= 0.0) {
-            out.push(p.towards(q, a / (a - b)));
+            push(p.towards(q, a / (a - b)));
         }
         if b >= 0.0 {
-            out.push(q);
+            push(q);
         }
         previous = (q, b);
     }
 }
 
 /// A point of the plane or of space.
-trait Point: Copy {
+pub(crate) trait Point: Copy {
     fn towards(self, other: Self, share: f32) -> Self;
 }
 

@@ -19,8 +19,8 @@
 //! Which polygons the disc may shine through is told by balls around some of them together; only the rows of vertices that
 //! it reaches are read, at the few texels that it touches and around them.
 //!
-//! Where it breaks: what hides the sun from near by is blurred as if it were as far as the window; shadows whose edge bends within a texel, or that have two; bars and leaves finer than
-//! texels dim the disc evenly; a share within
+//! Where it breaks: what hides the sun from near by is blurred as if it were as far as the window; shadows whose edge
+//! bends within a texel, or that have two; bars and leaves finer than texels dim the disc evenly; a share within
 //! [`ROUNDING`] of nothing or of all counts as that, since rows are rounded; integrals over cut texels take the middle
 //! for the mean, which is 1e-3 off at 32 texels on a side and 1e-2 at 8.
 //!
@@ -32,7 +32,7 @@ use std::ops::Range;
 use glam::{Vec2, Vec3};
 
 use crate::asset::{Asset, Data, Error};
-use crate::cubemap::footprint::{Eye, Footprint, vector_area};
+use crate::cubemap::footprint::{Eye, Footprint, clip_each, vector_area};
 use crate::cubemap::{face_axes, place};
 use crate::indirect::vertex_area;
 use crate::light::Cap;
@@ -78,15 +78,8 @@ const MOST_SIDES: usize = 512;
 /// Texels of the largest disc at the finest resolution, and those around them: 10 x 10 and 44.
 const MOST_TEXELS: usize = 256;
 
-/// Where a portal is, and what its rows are of.
-#[derive(Clone)]
-pub struct Panes<'a> {
-    polygons: Vec<Pane<'a>>,
-    /// Around all, and around each [`GROUP`] of them.
-    all: Ball,
-    groups: Vec<Ball>,
-    /// Vertices outside, which see the sky past the portal; rising.
-    open: &'a [u32],
+/// The vertices that a beam may fall on: once for all portals.
+pub struct Receivers<'a> {
     position: &'a [[f32; 3]],
     normal: &'a [[f32; 3]],
     /// No two vertices are farther apart, metres.
@@ -95,8 +88,17 @@ pub struct Panes<'a> {
     cell: Vec<f32>,
 }
 
+/// Where a portal is.
+pub struct Panes<'a> {
+    polygons: Vec<Pane<'a>>,
+    /// Around all, and around each [`GROUP`] of them.
+    all: Ball,
+    groups: Vec<Ball>,
+    /// Vertices outside, which see the sky past the portal; rising.
+    open: &'a [u32],
+}
+
 /// A convex polygon, counter-clockwise as seen from the interior.
-#[derive(Clone)]
 struct Pane<'a> {
     corners: &'a [[f32; 3]],
     normal: Vec3,
@@ -153,6 +155,19 @@ struct Piece {
     part: Vec3,
 }
 
+impl<'a> Receivers<'a> {
+    /// The vertices of an asset.
+    pub fn new(asset: &'a Asset<'a>) -> Receivers<'a> {
+        let (position, normal) = (asset.positions(), asset.normals());
+        let (low, high) = position.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| {
+            (l.min(Vec3::from(*p)), h.max(Vec3::from(*p)))
+        });
+        let cell =
+            vertex_area(asset).iter().map(|area| (area / std::f64::consts::PI).sqrt() as f32).collect();
+        Receivers { position, normal, size: (high - low).length(), cell }
+    }
+}
+
 impl<'a> Panes<'a> {
     /// The polygons of portal `k`; `None` where the asset has none.
     ///
@@ -178,21 +193,11 @@ impl<'a> Panes<'a> {
         }
         let polygon = |w: &[u32]| Pane::new(&corner[w[0] as usize..w[1] as usize]);
         let polygons: Vec<Pane> = start.windows(2).map(polygon).collect();
-        let (low, high) = asset.positions().iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| {
-            (l.min(Vec3::from(*p)), h.max(Vec3::from(*p)))
-        });
-        let (position, normal) = (asset.positions(), asset.normals());
-        let cell =
-            vertex_area(asset).iter().map(|area| (area / std::f64::consts::PI).sqrt() as f32).collect();
         Ok(Some(Panes {
             all: Ball::around(&polygons),
             groups: polygons.chunks(GROUP).map(Ball::around).collect(),
             polygons,
             open,
-            position,
-            normal,
-            size: (high - low).length(),
-            cell,
         }))
     }
 }
@@ -289,8 +294,14 @@ impl Beam {
     }
 
     /// E = L x this of vertex `v`, steradians.
-    pub fn transfer(&self, v: usize, panes: &Panes, rows: &Rows, scratch: &mut Scratch) -> f32 {
-        let (p, n) = (Vec3::from(panes.position[v]), Vec3::from(panes.normal[v]));
+    pub fn transfer(
+        &self,
+        v: usize,
+        receivers: &Receivers,
+        (panes, rows): (&Panes, &Rows),
+        scratch: &mut Scratch,
+    ) -> f32 {
+        let (p, n) = (Vec3::from(receivers.position[v]), Vec3::from(receivers.normal[v]));
         let cosine = n.dot(self.disc.axis);
         let widest = self.sizes[self.n_sizes - 1].radius;
         if cosine <= -widest.sin() {
@@ -314,8 +325,9 @@ impl Beam {
             }
         }
         let Some(way) = self.find(p, panes, widest, scratch) else { return 0.0 };
+        let way = way.min(2.0 * receivers.size);
         // As large as the cell looks from the window.
-        let cell = panes.cell[v] * cosine.max(0.0).sqrt();
+        let cell = receivers.cell[v] * cosine.max(0.0).sqrt();
         let wanted = (cell / way).hypot(self.disc.radius);
         let sizes = &self.sizes[..self.n_sizes];
         let above = sizes.partition_point(|size| size.radius < wanted).min(sizes.len() - 1);
@@ -355,7 +367,7 @@ impl Beam {
                 let to = pane.ball.centre - p;
                 let way = pane.normal.dot(to) / slope;
                 let way = if way.is_finite() { way } else { to.dot(s) };
-                let way = way.clamp(1e-3 * pane.ball.radius, 2.0 * panes.size);
+                let way = way.max(1e-3 * pane.ball.radius);
                 nearest = Some(nearest.map_or(way, |n| n.min(way)));
             }
         }
@@ -613,19 +625,8 @@ impl Cut {
 
     /// The part where `side` is not negative.
     fn clipped(&self, side: Vec3) -> Cut {
-        let mut to = Cut { points: [Vec2::ZERO; MOST_POINTS], n: 0 };
-        let Some(&last) = self.points[..self.n].last() else { return to };
-        let (mut p, mut a) = (last, side.dot(last.extend(1.0)));
-        for &q in &self.points[..self.n] {
-            let b = side.dot(q.extend(1.0));
-            if (a >= 0.0) != (b >= 0.0) {
-                to.push(p + (q - p) * (a / (a - b)));
-            }
-            if b >= 0.0 {
-                to.push(q);
-            }
-            (p, a) = (q, b);
-        }
+        let mut to = Cut::new(&[]);
+        clip_each(&self.points[..self.n], |p: Vec2| side.dot(p.extend(1.0)), |p| to.push(p));
         to
     }
 
