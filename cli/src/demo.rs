@@ -19,7 +19,8 @@ use crate::engine::Engine;
 use crate::judge::Row;
 use crate::moving::Moment;
 use crate::progress::say;
-use crate::{bake, day, light, output, portals, relight, scene, stage};
+use crate::stage::{self, Around};
+use crate::{bake, day, light, output, portals, relight, scene};
 use chapters::{CHAPTERS, Chapter, DATE, DRIVE, Kind, PLACE, Shot, Trial};
 
 /// Size of the pictures.
@@ -145,7 +146,8 @@ fn show(desk: &Desk) -> Result<Vec<Shown>> {
         let mut engine = Engine::new(desk.asset, method, &outside(shot))?;
         let (frame, frames) = if let Shot::Drive { frame, .. } = shot { (*frame, DRIVE.2) } else { (0, 1) };
         let lit = engine.light(desk.asset, &light, &Moment::default(), (frame, frames))?;
-        let image = desk.shade(&relight::sum(&lit.direct, &lit.indirect), &light)?;
+        let total = relight::sum(&lit.direct, &lit.indirect);
+        let image = desk.shade(&total, Around { light: &light, portals: engine.portals() })?;
         if matches!((shot, exposure_of_glass), (Shot::Glass { .. }, Exposure::Auto)) {
             exposure_of_glass = Exposure::Stops(auto_exposure(&image));
         }
@@ -189,7 +191,8 @@ fn outside(shot: &Shot) -> Outside {
 }
 
 impl Desk<'_> {
-    fn shade(&self, irradiance: &[[f32; 3]], light: &Light) -> Result<Image> {
-        stage::shade(&self.visibility, &stage::surface(self.asset), irradiance, light)
+    fn shade(&self, irradiance: &[[f32; 3]], around: Around) -> Result<Image> {
+        let surface = stage::surface(self.asset);
+        stage::shade(&self.visibility, &surface, &stage::radiance(&surface, irradiance), around)
     }
 }

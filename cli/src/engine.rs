@@ -99,6 +99,14 @@ impl<'a> Engine<'a> {
         }
     }
 
+    /// The light of the last frame in the portals, if there are any.
+    pub fn portals(&self) -> Option<&PortalFrame<'a>> {
+        match self {
+            Engine::Sky(..) => None,
+            Engine::Interior(interior) => Some(&interior.frame),
+        }
+    }
+
     /// Irradiance of all vertices under a light and what moves, in frame `i` of `n`.
     pub fn light(
         &mut self,

@@ -11,7 +11,7 @@ use lunette_scenes::{Portal, Scene};
 
 use crate::engine::Engine;
 use crate::progress::say;
-use crate::stage;
+use crate::stage::{self, Around};
 
 /// Says which materials a bake takes otherwise than their file has them.
 pub fn report(scene: &Scene, name: &str, portals: &[Portal]) {
@@ -72,5 +72,5 @@ pub fn shade(
     let (specular, _) = specular(engine, visibility.eye(), irradiance);
     let mut radiance = stage::radiance(surface, irradiance);
     radiance.iter_mut().zip(specular).for_each(|(r, s)| *r += s);
-    stage::shade_radiance(visibility, surface, &radiance, light)
+    stage::shade(visibility, surface, &radiance, Around { light, portals: engine.portals() })
 }

@@ -5,6 +5,7 @@ use anyhow::{Result, anyhow, ensure};
 use glam::Vec3;
 use lunette_relight::asset::Asset;
 use lunette_relight::light::Light;
+use lunette_relight::portal_frame::{Detail, Point};
 use lunette_render::{Difference, Reference, ReferenceOptions, Tracer};
 use lunette_scenes::{Mesh, Portal, Scene};
 use std::fmt::Write as _;
@@ -142,8 +143,10 @@ impl Judge {
         )
     }
 
-    fn difference(&self, all: &[[f32; 3]], reference: &[Vec3]) -> Result<Difference> {
-        let judged = middles(bytemuck::cast_slice(all), &self.triangles);
+    /// Of what vertices have and middles of triangles have `more` than those.
+    fn difference(&self, all: &[[f32; 3]], more: &[Vec3], reference: &[Vec3]) -> Result<Difference> {
+        let mut judged = middles(bytemuck::cast_slice(all), &self.triangles);
+        judged.iter_mut().zip(more).for_each(|(e, more)| *e += *more);
         lunette_render::difference(&judged, reference, Some(&self.area)).map_err(|e| anyhow!("{e}"))
     }
 }
@@ -171,13 +174,21 @@ pub fn measure(
         least = least.min(lit.spent.all());
     }
     let total = relight::sum(&lit.direct, &lit.indirect);
-    let all = judge.difference(&total, &judge.total)?;
+    let middle = |corners: &[u32; 3]| Point { corners: *corners, weights: [1.0 / 3.0; 3], radius: 0.0 };
+    let more: Vec<Vec3> = match engine.portals() {
+        Some(frame) => {
+            let mut detail = Detail::new(frame);
+            judge.triangles.iter().map(|t| detail.at(&middle(t)).into()).collect()
+        }
+        None => Vec::new(),
+    };
+    let all = judge.difference(&total, &more, &judge.total)?;
     let row = Row {
         name: name.to_string(),
         relative: Parts {
             total: all.relative,
-            direct: judge.difference(&lit.direct, &judge.reference.direct)?.relative,
-            indirect: judge.difference(&lit.indirect, &judge.reference.indirect)?.relative,
+            direct: judge.difference(&lit.direct, &more, &judge.reference.direct)?.relative,
+            indirect: judge.difference(&lit.indirect, &[], &judge.reference.indirect)?.relative,
         },
         picture: None,
         percentile_99: all.percentile_99,

@@ -58,7 +58,15 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
             warn_of_ringing(&total);
             let (specular, note) = glossy::specular(&mut engine, studio.eye(), &total);
             seen = note;
-            let lit = Lit { light, total: &total, specular: &specular, products: &products, frame: (i, n) };
+            let portals = engine.portals();
+            let lit = Lit {
+                light,
+                portals,
+                total: &total,
+                specular: &specular,
+                products: &products,
+                frame: (i, n),
+            };
             let image = studio.shoot(&moment, &lit)?;
             if let Some(pattern) = &arguments.moving.products {
                 let picture = studio.products(&moment, &lit)?;
@@ -122,7 +130,8 @@ fn middle_exposure(
     let Evaluated { direct, indirect, products, .. } = engine.light(asset, light, &moment, (middle, n))?;
     let total = sum(&direct, &indirect);
     let (specular, _) = glossy::specular(engine, studio.eye(), &total);
-    let lit = Lit { light, total: &total, specular: &specular, products: &products, frame: (middle, n) };
+    let (portals, frame) = (engine.portals(), (middle, n));
+    let lit = Lit { light, portals, total: &total, specular: &specular, products: &products, frame };
     Ok(auto_exposure(&studio.shoot(&moment, &lit)?))
 }
 

@@ -4,7 +4,8 @@ use anyhow::{Context, Result, anyhow, ensure};
 use glam::Vec3;
 use lunette_relight::asset::Asset;
 use lunette_relight::light::Light;
-use lunette_render::{Camera, Exposure, Image, Surface, Tracer, Visibility};
+use lunette_relight::portal_frame::{Detail, Point, PortalFrame};
+use lunette_render::{Camera, Exposure, Image, Spot, Surface, Tracer, Visibility};
 
 use crate::args::PictureOptions;
 
@@ -67,16 +68,6 @@ pub fn visibility(options: &PictureOptions, surface: Surface) -> Result<Visibili
     lunette_render::trace(&tracer, &camera, w, h).map_err(|e| anyhow!("{e}"))
 }
 
-/// The picture of a relit surface over its light.
-pub fn shade(
-    visibility: &Visibility,
-    surface: &Surface,
-    irradiance: &[[f32; 3]],
-    light: &Light,
-) -> Result<Image> {
-    shade_radiance(visibility, surface, &radiance(surface, irradiance), light)
-}
-
 /// What the albedo of each vertex sends out.
 pub fn radiance(surface: &Surface, irradiance: &[[f32; 3]]) -> Vec<Vec3> {
     let irradiance: &[Vec3] = bytemuck::cast_slice(irradiance);
@@ -84,12 +75,31 @@ pub fn radiance(surface: &Surface, irradiance: &[[f32; 3]]) -> Vec<Vec3> {
     lunette_render::vertex_radiance(&lit, surface.albedo)
 }
 
-/// The picture of vertices that send out this radiance.
-pub fn shade_radiance(
-    visibility: &Visibility,
-    surface: &Surface,
-    radiance: &[Vec3],
-    light: &Light,
-) -> Result<Image> {
-    visibility.shade(surface, radiance, |d| light.radiance(d)).map_err(|e| anyhow!("{e}")).context("picture")
+/// What a picture shows beside the radiance of vertices.
+#[derive(Clone, Copy)]
+pub struct Around<'a> {
+    /// Behind all surfaces.
+    pub light: &'a Light,
+    /// Whose suns are sharper than the mesh of their asset.
+    pub portals: Option<&'a PortalFrame<'a>>,
+}
+
+/// The picture of vertices that send out this radiance; those of the asset come first.
+pub fn shade(visibility: &Visibility, surface: &Surface, radiance: &[Vec3], around: Around) -> Result<Image> {
+    let background = |d| around.light.radiance(d);
+    let more = around.portals.map(|frame| {
+        move || {
+            let mut detail = Detail::new(frame);
+            move |spot: &Spot| {
+                let corners = surface.index[spot.triangle];
+                let is_of_asset = corners.iter().all(|v| (*v as usize) < frame.n_vertices());
+                let point = Point { corners, weights: spot.weights, radius: spot.radius };
+                if is_of_asset { Vec3::from(detail.at(&point)) } else { Vec3::ZERO }
+            }
+        }
+    });
+    visibility
+        .shade_in_detail(surface, radiance, more, background)
+        .map_err(|e| anyhow!("{e}"))
+        .context("picture")
 }

@@ -52,6 +52,15 @@ pub fn face_axes(face: usize) -> [Vec3; 3] {
 /// The texel that a direction of any length falls into; always below 6 n².
 #[inline]
 pub fn texel_of(n: usize, d: Vec3) -> usize {
+    let (face, at) = on_face(n, d);
+    // Saturating casts keep zero, NaN and the far edge inside.
+    let cell = |x: f32| (x as usize).min(n - 1);
+    (face * n + cell(at.y)) * n + cell(at.x)
+}
+
+/// The face that a direction of any length falls on, and where, in texels along columns and rows, 0 to n.
+#[inline]
+pub(crate) fn on_face(n: usize, d: Vec3) -> (usize, Vec2) {
     let size = d.abs();
     let (face, axis, x, y) = if size.x >= size.y && size.x >= size.z {
         if d.x >= 0.0 { (0, size.x, -d.z, -d.y) } else { (1, size.x, d.z, -d.y) }
@@ -63,9 +72,7 @@ pub fn texel_of(n: usize, d: Vec3) -> usize {
         (5, size.z, -d.x, -d.y)
     };
     let scale = 0.5 * n as f32 / axis;
-    // Saturating casts keep zero, NaN and the far edge inside.
-    let cell = |x: f32| ((x * scale + 0.5 * n as f32) as usize).min(n - 1);
-    (face * n + cell(y)) * n + cell(x)
+    (face, Vec2::new(x, y) * scale + 0.5 * n as f32)
 }
 
 /// Unit direction of a point of a texel; `within` is 0..=1 along columns and rows, (0.5, 0.5) the centre.

@@ -48,9 +48,11 @@ use crate::shell::{Blur, Material, Shell, ShellError};
 use crate::sparse::{Rows, SparseLight};
 
 mod beam;
+mod point;
 
 pub(crate) use beam::Scratch;
 use beam::{Beam, Panes, Receivers};
+pub use point::{Detail, Point};
 
 /// Why an asset cannot be lit through portals.
 #[derive(Clone, Debug, PartialEq)]

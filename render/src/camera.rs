@@ -71,6 +71,12 @@ impl View {
         (self.forward + x * self.right + y * self.up).normalize()
     }
 
+    /// Of the pixel in this unit direction, steradians.
+    pub fn pixel_solid_angle(&self, d: Vec3) -> f32 {
+        let in_the_middle = 4.0 * self.right.length() * self.up.length() / (self.width * self.height);
+        in_the_middle * self.forward.dot(d).powi(3)
+    }
+
     /// How far in front of the eye a point is, along the middle of the view, metres.
     pub fn depth(&self, p: Vec3) -> f32 {
         (p - self.eye).dot(self.forward)

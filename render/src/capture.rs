@@ -14,8 +14,7 @@
 //! are the same in every frame: what stands still does not flicker. Capturing allocates nothing.
 //!
 //! Where it breaks: an object that all rays of a block miss (a pole thinner than half a texel) is not seen. Light from
-//! the shell's own building is not in it. Bright spots of a picture are part of the rest: hidden by the share of the
-//! texel, not by where in the texel they are.
+//! the shell's own building is not in it. Bright spots of a picture are taken for discs.
 //!
 //! Based on: Yue, Iwasaki, Chen, Dobashi and Nishita, Interactive Rendering of Interior Scenes with Dynamic Environment
 //! Illumination, 2009, sec. 5.
@@ -70,15 +69,16 @@ impl Backdrop {
             let what = format!("shell: {n} texels along a side, must be {least} to {most}");
             return Err(Error::Options { what });
         }
+        let mut discs = Vec::new();
+        let smooth = split(light, &mut discs);
+        let light = light.with_spots_as_discs();
         let mut rest = vec![[0.0; 3]; n_texels(n)];
-        project_light_parallel(light, n, &mut rest);
-        let suns: Vec<Sun> = suns(light).map(|cap| sun(cap, n)).collect();
+        project_light_parallel(&light, n, &mut rest);
+        let suns: Vec<Sun> = suns(&light).map(|cap| sun(cap, n)).collect();
         for (texel, share) in suns.iter().flat_map(|sun| &sun.shares) {
             // What rounding leaves of a sun may be below 0.
             rest[*texel] = (Vec3::from(rest[*texel]) - share).max(Vec3::ZERO).to_array();
         }
-        let mut discs = Vec::new();
-        let smooth = split(light, &mut discs);
         Ok(Backdrop { n, rest, suns, discs, smooth })
     }
 

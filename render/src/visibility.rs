@@ -25,6 +25,9 @@ const SAMPLES: usize = GRID * GRID;
 /// Pixels per side of a tile, traced by one thread: neighbours ask for the same parts of the search tree.
 const TILE: usize = 16;
 
+/// Shares that one thread asks about at least in a row.
+const LEAST_SHARES: usize = 512;
+
 /// Stands for a triangle where a share sees the background.
 const BACKGROUND: u32 = u32::MAX;
 
@@ -48,6 +51,17 @@ struct Share {
     /// Weights of the triangle's second and third vertex, times `weight`; of background, its place in the picture in
     /// pixels, times `weight`.
     inner: Vec2,
+}
+
+/// The middle of what a pixel sees of a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spot {
+    /// Which one.
+    pub triangle: usize,
+    /// Of its corners, at least 0; they add up to 1.
+    pub weights: [f32; 3],
+    /// Of a disc as large as what is seen, metres.
+    pub radius: f32,
 }
 
 /// Traces a picture of `width` x `height` pixels.
@@ -87,23 +101,50 @@ impl Visibility {
         radiance: &[Vec3],
         background: impl Fn(Vec3) -> Vec3 + Sync,
     ) -> Result<Image, Error> {
+        self.shade_in_detail(surface, radiance, None::<fn() -> fn(&Spot) -> Vec3>, background)
+    }
+
+    /// As [`shade`](Self::shade), with irradiance `more` that each part of a triangle has beyond what is interpolated from
+    /// its vertices, and that may be below 0. `more` makes what is asked for it, one for a thread, triangle after triangle.
+    ///
+    /// # Errors
+    /// As [`shade`](Self::shade).
+    pub fn shade_in_detail<M: FnMut(&Spot) -> Vec3>(
+        &self,
+        surface: &Surface,
+        radiance: &[Vec3],
+        more: Option<impl Fn() -> M + Sync>,
+        background: impl Fn(Vec3) -> Vec3 + Sync,
+    ) -> Result<Image, Error> {
         if radiance.len() != surface.position.len() {
             let (found, expected) = (radiance.len(), surface.position.len());
             return Err(Error::Options {
                 what: format!("picture: {found} radiances for {expected} vertices"),
             });
         }
-        let shade = |share: &Share| match share.triangle {
+        let more = self.more(surface, more);
+        let shade = |(i, share): (usize, &Share)| match share.triangle {
             BACKGROUND => share.weight * background(self.direction(share)),
             triangle => {
                 let [a, b, c] = surface.index[triangle as usize].map(|v| radiance[v as usize]);
-                (share.weight - share.inner.x - share.inner.y) * a + share.inner.x * b + share.inner.y * c
+                let plain = (share.weight - share.inner.x - share.inner.y) * a
+                    + share.inner.x * b
+                    + share.inner.y * c;
+                match more.get(i) {
+                    Some(more) if *more != Vec3::ZERO => {
+                        let spot = self.spot(surface, share);
+                        let corners = surface.index[triangle as usize].map(|v| surface.albedo[v as usize]);
+                        let albedo = corners.iter().zip(spot.weights).map(|(c, weight)| weight * *c).sum();
+                        (plain + share.weight * lambert(albedo, *more)).max(Vec3::ZERO)
+                    }
+                    _ => plain,
+                }
             }
         };
-        let pixels = self
-            .start
-            .par_windows(2)
-            .map(|s| self.shares[s[0] as usize..s[1] as usize].iter().map(shade).sum());
+        let pixels = self.start.par_windows(2).map(|s| {
+            let range = s[0] as usize..s[1] as usize;
+            range.clone().zip(&self.shares[range]).map(shade).sum()
+        });
         Ok(Image { width: self.width, height: self.height, pixels: pixels.collect() })
     }
 
@@ -116,6 +157,41 @@ impl Visibility {
     pub fn coverage(&self) -> Vec<f32> {
         let shares = self.start.windows(2).map(|s| &self.shares[s[0] as usize..s[1] as usize]);
         shares.map(|s| s.iter().filter(|s| s.triangle != BACKGROUND).map(|s| s.weight).sum()).collect()
+    }
+
+    /// What shares have beyond interpolation; empty where nothing is asked for.
+    fn more<M: FnMut(&Spot) -> Vec3>(
+        &self,
+        surface: &Surface,
+        more: Option<impl Fn() -> M + Sync>,
+    ) -> Vec<Vec3> {
+        let Some(more) = more else { return Vec::new() };
+        let mut order: Vec<u32> = (0..self.shares.len() as u32)
+            .filter(|&i| self.shares[i as usize].triangle != BACKGROUND)
+            .collect();
+        order.par_sort_unstable_by_key(|&i| (self.shares[i as usize].triangle, i));
+        let found: Vec<Vec3> = order
+            .par_iter()
+            .with_min_len(LEAST_SHARES)
+            .map_init(&more, |more, &i| more(&self.spot(surface, &self.shares[i as usize])))
+            .collect();
+        let mut all = vec![Vec3::ZERO; self.shares.len()];
+        order.into_iter().zip(found).for_each(|(i, more)| all[i as usize] = more);
+        all
+    }
+
+    /// What a share sees of its triangle.
+    fn spot(&self, surface: &Surface, share: &Share) -> Spot {
+        let Vec2 { x, y } = share.inner / share.weight;
+        let weights = [1.0 - x - y, x, y];
+        let [a, b, c] = surface.index[share.triangle as usize].map(|v| surface.position[v as usize]);
+        let to = weights[0] * a + x * b + y * c - self.view.eye;
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let way = to.length();
+        // Seen edge on, a pixel is long and narrow: a disc of its area would be too wide.
+        let slope = (normal.dot(to).abs() / way).max(0.1);
+        let area = share.weight * self.view.pixel_solid_angle(to / way) * way * way / slope;
+        Spot { triangle: share.triangle as usize, weights, radius: (area / std::f32::consts::PI).sqrt() }
     }
 
     fn direction(&self, share: &Share) -> Vec3 {

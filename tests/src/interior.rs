@@ -183,22 +183,37 @@ pub fn lit(asset: &Asset, light: &Light, indirect: Indirect) -> Lit {
     lit_through(asset, light, indirect, Material::CLEAR)
 }
 
-/// Irradiance with the same glass in every portal.
+/// An asset under a light, with the same glass in every portal.
 ///
 /// # Panics
 /// When the asset has no portals or lacks that kind of bounced light.
-pub fn lit_through(asset: &Asset, light: &Light, indirect: Indirect, glass: Material) -> Lit {
+pub fn frame_through<'a>(
+    asset: &'a Asset<'a>,
+    light: &Light,
+    indirect: Indirect,
+    glass: Material,
+) -> PortalFrame<'a> {
     let mut frame = PortalFrame::new(asset).expect("portals");
     frame.set_indirect(indirect).expect("bounced light");
+    let light = light.with_spots_as_discs();
     for k in 0..frame.n_portals() {
         let n = frame.resolution(k);
         let mut texels = vec![[0.0; 3]; n_texels(n)];
-        project_light(light, n, &mut texels);
+        project_light(&light, n, &mut texels);
         frame.set_material(k, glass);
         let discs: Vec<_> = light.discs().collect();
         let shell = Shell::new(n, &texels).expect("a shell");
         frame.set_shell_with_discs(k, shell, &discs).expect("its resolution");
     }
+    frame
+}
+
+/// Irradiance with the same glass in every portal.
+///
+/// # Panics
+/// When the asset has no portals or lacks that kind of bounced light.
+pub fn lit_through(asset: &Asset, light: &Light, indirect: Indirect, glass: Material) -> Lit {
+    let mut frame = frame_through(asset, light, indirect, glass);
     let mut direct = vec![[0.0; 3]; asset.n_vertices()];
     let mut indirect = direct.clone();
     frame.direct(0, &mut direct);

@@ -140,10 +140,19 @@ impl Aim<'_> {
         row.sums.resize(n_cells, [0.0; 2]);
         let first = (FIRST / n_cells.max(1)).max(FEWEST);
         self.look(v, &eye, 0..n_cells, 0..first, row);
-        let edges: Vec<usize> =
-            (0..n_cells).filter(|&c| is_edge(&row.state, self.n, &row.footprint.cells[c])).collect();
-        if !edges.is_empty() {
-            let more = (self.rays / edges.len()).clamp(REFINED.0, REFINED.1);
+        // A piece whose first rays all agree may have an edge all the same, which shows once its neighbours are refined.
+        let mut is_refined = vec![false; n_cells];
+        let mut more = 0;
+        loop {
+            let is_new = |c: &usize| !is_refined[*c] && is_edge(&row.state, self.n, &row.footprint.cells[*c]);
+            let edges: Vec<usize> = (0..n_cells).filter(is_new).collect();
+            if edges.is_empty() {
+                break;
+            }
+            if more == 0 {
+                more = (self.rays / edges.len()).clamp(REFINED.0, REFINED.1);
+            }
+            edges.iter().for_each(|&c| is_refined[c] = true);
             self.look(v, &eye, edges.into_iter(), first..first + more, row);
         }
         for (cell, [all, seen]) in row.footprint.cells.iter().zip(&row.sums) {

@@ -4,6 +4,7 @@ use anyhow::{Result, anyhow};
 use lunette_bake::{Options, PortalOptions};
 use lunette_relight::asset::Asset;
 use lunette_relight::light::Light;
+use lunette_relight::portal_frame::PortalFrame;
 use lunette_render::{Exposure, ReferenceOptions, Tracer, auto_exposure};
 
 use super::chapters::{Kind, Trial};
@@ -13,6 +14,7 @@ use crate::compare::{self, Work};
 use crate::engine::Engine;
 use crate::judge::{self, Judge};
 use crate::progress::say;
+use crate::stage::Around;
 use crate::{light, output, relight, render};
 
 /// Methods of the tables under the open sky; inside they are those of `lunette compare`.
@@ -85,7 +87,7 @@ fn open(desk: &Desk, trial: &'static Trial) -> Result<Session> {
     if let Some(paths) = trial.pictures {
         let samples = ReferenceOptions { samples: paths, ..samples };
         let truth = render::vertices(&tracer, &session.light, &samples)?.total();
-        session.picture(desk, "reference", bytemuck::cast_slice(&truth))?;
+        session.picture(desk, "reference", bytemuck::cast_slice(&truth), None)?;
     }
     Ok(session)
 }
@@ -100,15 +102,21 @@ impl Session {
     ) -> Result<()> {
         let (row, total) = judge::measure(asset, (name, engine), bake_seconds, &self.light, &self.judge)?;
         if self.tried.trial.pictures.is_some() && SHOWN.contains(&name) {
-            self.picture(desk, name, &total)?;
+            self.picture(desk, name, &total, engine.portals())?;
         }
         self.tried.rows.push(row);
         Ok(())
     }
 
     /// The first one, the reference, exposes all.
-    fn picture(&mut self, desk: &Desk, name: &str, irradiance: &[[f32; 3]]) -> Result<()> {
-        let image = desk.shade(irradiance, &self.light)?;
+    fn picture(
+        &mut self,
+        desk: &Desk,
+        name: &str,
+        irradiance: &[[f32; 3]],
+        portals: Option<&PortalFrame>,
+    ) -> Result<()> {
+        let image = desk.shade(irradiance, Around { light: &self.light, portals })?;
         if self.exposure == Exposure::Auto {
             self.exposure = Exposure::Stops(auto_exposure(&image));
         }

@@ -1,7 +1,8 @@
 //! Splits a light into a few discs and a smooth rest, for methods that treat them apart.
 //!
 //! Caps stay what they are, the sun of a sky becomes one, and bright spots of a picture are taken out of it
-//! as caps of the same energy and direction. The rest (uniform, overcast, dome, picture without spots) is
+//! as caps of the same energy and direction: of each pixel what is beyond the
+//! picture's mean. The rest (uniform, overcast, dome, picture without spots) is
 //! smooth enough for SH of order 3, which holds 99 % of what a diffuse surface can see of it.
 //!
 //! Limits: a spot is a disc of constant radiance; at most four per picture are found.
@@ -17,7 +18,7 @@ use super::equirect::image_direction;
 use super::project::{add_dome, pixel_solid_angle, project_source_sh};
 use super::{Cap, Equirect, Light, Source, turned};
 use crate::cap::radius_of_area;
-use crate::sh::{self, MAX_COEFFICIENTS};
+use crate::sh;
 
 /// Order of the smooth rest.
 pub const SMOOTH_ORDER: usize = 3;
@@ -39,11 +40,50 @@ const SPOT_SHARE: f64 = 0.01;
 /// More spots than this are not looked for.
 const MAX_SPOTS: usize = 4;
 
-/// Bright spots of a picture and the rest, in the picture's own frame and scale.
+/// Bright spots of a picture and the picture without them, in its own frame and scale.
 #[derive(Debug)]
 pub(super) struct Spots {
     caps: Vec<Cap>,
-    rest: [[f32; 3]; N_SMOOTH],
+    /// `None` where there are no spots.
+    rest: Option<Equirect>,
+}
+
+impl Light {
+    /// This light with the bright spots of its pictures, suns above all, as discs: each has the power, the mean direction
+    /// and about the size of its spot, and the picture without it goes on beside. Pictures are searched once, whatever
+    /// their turn and scale.
+    pub fn with_spots_as_discs(&self) -> Light {
+        let mut light = Light::dark();
+        for source in &self.sources {
+            match source {
+                Source::Equirect(image) => {
+                    light.sources.push(Source::Equirect(image.without_spots()));
+                    light.sources.extend(image.spots().map(Source::Cap));
+                }
+                other => light.sources.push(other.clone()),
+            }
+        }
+        light
+    }
+}
+
+impl Equirect {
+    /// Its bright spots, in the world.
+    fn spots(&self) -> impl Iterator<Item = Cap> + '_ {
+        self.image_spots().caps.iter().map(|cap| Cap {
+            axis: turned(self.orientation(), cap.axis),
+            radiance: cap.radiance * self.scale(),
+            ..*cap
+        })
+    }
+
+    /// The picture without them.
+    fn without_spots(&self) -> Equirect {
+        match &self.image_spots().rest {
+            Some(rest) => rest.scaled(self.scale()).rotated(self.orientation()),
+            None => self.clone(),
+        }
+    }
 }
 
 /// Puts the discs of `light` into `caps` (cleared first; the horizon's cut of a setting sun becomes a dimmer
@@ -70,21 +110,18 @@ pub fn split(light: &Light, caps: &mut Vec<Cap>) -> [[f32; 3]; N_SMOOTH] {
 }
 
 fn split_equirect(image: &Equirect, caps: &mut Vec<Cap>, smooth: &mut [[f32; 3]; N_SMOOTH]) {
-    let spots = image.image_spots();
-    caps.extend(spots.caps.iter().map(|cap| Cap {
-        axis: turned(image.orientation(), cap.axis),
-        radiance: cap.radiance * image.scale(),
-        ..*cap
-    }));
-    let mut rest = [[0.0; 3]; N_SMOOTH];
-    sh::rotate(SMOOTH_ORDER, image.orientation(), &spots.rest, &mut rest);
-    for (sum, c) in smooth.iter_mut().zip(rest) {
+    caps.extend(image.spots());
+    let rest = image.image_spots().rest.as_ref().unwrap_or(image).image_sh();
+    let mut turned = [[0.0; 3]; N_SMOOTH];
+    sh::rotate(SMOOTH_ORDER, image.orientation(), &rest[..N_SMOOTH], &mut turned);
+    for (sum, c) in smooth.iter_mut().zip(turned) {
         *sum = (Vec3::from(*sum) + image.scale() * Vec3::from(c)).to_array();
     }
 }
 
-/// A bright pixel: where it is and what it sends, W-like units of radiance × sr.
+/// A bright pixel: where it is and what it sends beyond the picture's mean, W-like units of radiance × sr.
 struct Bright {
+    index: usize,
     direction: Vec3,
     luminance: f64,
     solid_angle: f64,
@@ -93,13 +130,12 @@ struct Bright {
 
 /// Groups the bright pixels of a picture around the brightest of them, one spot after the other.
 pub(super) fn find_spots(image: &Equirect) -> Spots {
-    let mut rest = [[0.0; 3]; N_SMOOTH];
-    rest.copy_from_slice(&image.image_sh()[..N_SMOOTH]);
     let total = total_luminance(image);
-    let mut bright = bright_pixels(image, SPOT_CONTRAST * total / (4.0 * PI));
+    let mean = total / (4.0 * PI);
+    let mut bright = bright_pixels(image, mean);
     bright.sort_by(|a, b| b.luminance.total_cmp(&a.luminance));
 
-    let mut caps = Vec::new();
+    let (mut caps, mut pixels) = (Vec::new(), None);
     while caps.len() < MAX_SPOTS
         && let Some(peak) = bright.first().map(|p| p.direction)
     {
@@ -109,10 +145,14 @@ pub(super) fn find_spots(image: &Equirect) -> Spots {
         let energy: f64 = spot.iter().map(|p| p.luminance * p.solid_angle).sum();
         if energy >= SPOT_SHARE * total {
             caps.push(disc_of(&spot));
-            spot.iter().for_each(|pixel| remove(pixel, &mut rest));
+            let pixels = pixels.get_or_insert_with(|| image.pixels().to_vec());
+            for pixel in &spot {
+                let kept = (mean / (mean + pixel.luminance)) as f32;
+                pixels[pixel.index] = (kept * Vec3::from(pixels[pixel.index])).to_array();
+            }
         }
     }
-    Spots { caps, rest }
+    Spots { caps, rest: pixels.and_then(|pixels| Equirect::new(image.width(), image.height(), pixels).ok()) }
 }
 
 /// ∫ luminance dω over the picture.
@@ -124,16 +164,17 @@ fn total_luminance(image: &Equirect) -> f64 {
     image.pixels().chunks_exact(image.width()).enumerate().map(row_sum).sum()
 }
 
-fn bright_pixels(image: &Equirect, threshold: f64) -> Vec<Bright> {
+fn bright_pixels(image: &Equirect, mean: f64) -> Vec<Bright> {
     let (width, height) = (image.width(), image.height());
-    let is_bright = |(_, pixel): &(usize, &[f32; 3])| luminance(pixel) > threshold;
+    let is_bright = |(_, pixel): &(usize, &[f32; 3])| luminance(pixel) > SPOT_CONTRAST * mean;
     let describe = |(i, pixel): (usize, &[f32; 3])| {
         let (row, column) = (i / width, i % width);
         let solid_angle = pixel_solid_angle(width, height, row);
         let direction =
             image_direction((column as f32 + 0.5) / width as f32, (row as f32 + 0.5) / height as f32);
-        let flux = Vec3::from(*pixel).as_dvec3() * solid_angle;
-        Bright { direction, luminance: luminance(pixel), solid_angle, flux }
+        let beyond = luminance(pixel) - mean;
+        let flux = Vec3::from(*pixel).as_dvec3() * (beyond / luminance(pixel) * solid_angle);
+        Bright { index: i, direction, luminance: beyond, solid_angle, flux }
     };
     image.pixels().iter().enumerate().filter(is_bright).map(describe).collect()
 }
@@ -150,15 +191,6 @@ fn disc_of(spot: &[Bright]) -> Cap {
         axis: mean.as_vec3().normalize_or(spot[0].direction),
         radius: radius_of_area(solid_angle) as f32,
         radiance: (flux / solid_angle).as_vec3(),
-    }
-}
-
-/// Takes a pixel, treated as a point, out of the SH coefficients.
-fn remove(pixel: &Bright, rest: &mut [[f32; 3]; N_SMOOTH]) {
-    let mut y = [0.0; MAX_COEFFICIENTS];
-    sh::eval(SMOOTH_ORDER, pixel.direction, &mut y);
-    for (sum, y) in rest.iter_mut().zip(y) {
-        *sum = (Vec3::from(*sum) - pixel.flux.as_vec3() * y).to_array();
     }
 }
 

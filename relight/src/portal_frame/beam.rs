@@ -54,9 +54,15 @@ const GROUP: usize = 16;
 /// wavelets, of which small ones are dropped.
 const ROUNDING: [f32; 2] = [0.02, 0.06];
 
+/// Of that, what is so near that no edge is looked for.
+const CLEAR: f32 = 0.25;
+
 /// How much shares grow from texel to texel, below which there is no edge, but bars or leaves; and above which there is
 /// one: across a straight edge they grow by 0.5.
 const GROWTH: (f32, f32) = (0.1, 0.3);
+
+/// A texel of which the portal takes less than this part of what it takes of its neighbour says little about an edge.
+const SMALL: f32 = 0.1;
 
 /// Among more polygons than this about a disc, as the panes of a rose from afar, no shadow has one straight edge.
 const MOST_FOR_A_LINE: usize = 16;
@@ -80,8 +86,8 @@ const MOST_TEXELS: usize = 256;
 
 /// The vertices that a beam may fall on: once for all portals.
 pub struct Receivers<'a> {
-    position: &'a [[f32; 3]],
-    normal: &'a [[f32; 3]],
+    pub position: &'a [[f32; 3]],
+    pub normal: &'a [[f32; 3]],
     /// No two vertices are farther apart, metres.
     size: f32,
     /// Of a disc as large as each vertex's cell, metres.
@@ -168,7 +174,34 @@ impl<'a> Receivers<'a> {
     }
 }
 
+/// Of a neighbour `to` there, by its F and one's own: shares of small parts are not less true, until they are very small.
+pub fn weight(whole: f32, own: f32, to: Vec2) -> f32 {
+    whole / (whole + SMALL * own) / to.length_squared()
+}
+
+/// Where shares grow, by least squares: from the sums over neighbours of weight x their places' squares, and of weight x
+/// growth x place; and how much it looks like an edge, 0..=1.
+pub fn way_of_growth([xx, xy, yy]: [f32; 3], growth: Vec2) -> (Vec2, f32) {
+    // A little stiffness where texels lie on one line.
+    let stiff = 1e-3 * (xx + yy);
+    let (a, b) = (xx + stiff, yy + stiff);
+    let way = Vec2::new(b * growth.x - xy * growth.y, a * growth.y - xy * growth.x);
+    let way = way / (a * b - xy * xy).max(f32::MIN_POSITIVE);
+    let trust = ((way.length() - GROWTH.0) / (GROWTH.1 - GROWTH.0)).clamp(0.0, 1.0);
+    (way.normalize_or_zero(), trust)
+}
+
+/// What may be lost of a visible share in the row of this vertex.
+fn rounding(rows: &Rows, v: usize) -> f32 {
+    ROUNDING[usize::from(rows.basis(v) == Basis::Haar)]
+}
+
 impl<'a> Panes<'a> {
+    /// Whether vertex `v` is outside.
+    pub fn is_open(&self, v: usize) -> bool {
+        self.open.binary_search(&(v as u32)).is_ok()
+    }
+
     /// The polygons of portal `k`; `None` where the asset has none.
     ///
     /// # Errors
@@ -212,14 +245,19 @@ impl<'a> Pane<'a> {
         Pane { corners, normal: normal.normalize_or_zero(), ball: Ball { centre, radius } }
     }
 
+    /// `p`, but on the inside where it lies in the polygon's plane.
+    fn inside(&self, p: Vec3) -> Vec3 {
+        let height = self.normal.dot(p - self.ball.centre);
+        let level = LEVEL * self.ball.radius;
+        if height.abs() < level { p + (level - height) * self.normal } else { p }
+    }
+
     /// Calls `met` with the normals, of any length and towards the inside, of the planes that bound the polygon as seen
     /// from `p`.
     fn for_each_side(&self, p: Vec3, mut met: impl FnMut(Vec3)) {
         let Some(last) = self.corners.last() else { return };
-        let mut height = self.normal.dot(p - self.ball.centre);
-        let level = LEVEL * self.ball.radius;
-        let p = if height.abs() < level { p + (level - height) * self.normal } else { p };
-        height = self.normal.dot(p - self.ball.centre);
+        let p = self.inside(p);
+        let height = self.normal.dot(p - self.ball.centre);
         let mut a = Vec3::from(*last) - p;
         for b in self.corners {
             let b = Vec3::from(*b) - p;
@@ -298,42 +336,123 @@ impl Beam {
         &self,
         v: usize,
         receivers: &Receivers,
-        (panes, rows): (&Panes, &Rows),
+        place: (&Panes, &Rows),
         scratch: &mut Scratch,
     ) -> f32 {
+        self.arrival(v, receivers, place, scratch).0
+    }
+
+    /// As [`transfer`](Self::transfer), and what it would be if nothing but the portal's rim hid the disc; of a row
+    /// without any light that is not known, and 0.
+    pub fn arrival(
+        &self,
+        v: usize,
+        receivers: &Receivers,
+        (panes, rows): (&Panes, &Rows),
+        scratch: &mut Scratch,
+    ) -> (f32, f32) {
         let (p, n) = (Vec3::from(receivers.position[v]), Vec3::from(receivers.normal[v]));
         let cosine = n.dot(self.disc.axis);
-        let widest = self.sizes[self.n_sizes - 1].radius;
-        if cosine <= -widest.sin() {
-            return 0.0;
+        if cosine <= -self.sizes[self.n_sizes - 1].radius.sin() {
+            return (0.0, 0.0);
         }
-        scratch.clear();
-        if panes.open.binary_search(&(v as u32)).is_ok() {
-            scratch.push_cone(0);
-            return self.sizes[0].transfer((v, n), rows, scratch);
+        let is_open = panes.is_open(v);
+        if !is_open && (!panes.all.is_near(p, self.disc.axis, self.spread) || rows.is_dark(v)) {
+            return (0.0, 0.0);
         }
-        if !panes.all.is_near(p, self.disc.axis, self.spread) || rows.is_dark(v) {
-            return 0.0;
-        }
-        if panes.polygons.len() > GROUP {
+        if !is_open && panes.polygons.len() > GROUP {
             // A look at the row is sooner done than one at hundreds of polygons.
             let size = &self.sizes[self.n_sizes - 1];
             let texels = &mut scratch.texels[..size.pieces.len()];
             rows.probe(v, &size.probe, texels);
             if texels[..size.n_touched].iter().all(|t| *t <= 0.0) {
-                return 0.0;
+                return (0.0, 0.0);
             }
         }
-        let Some(way) = self.find(p, panes, widest, scratch) else { return 0.0 };
+        let Some(size) =
+            self.size(p, is_open, receivers.cell[v] * cosine.max(0.0).sqrt(), (panes, receivers), scratch)
+        else {
+            return (0.0, 0.0);
+        };
+        rows.probe(v, &size.probe, &mut scratch.texels[..size.pieces.len()]);
+        let seen = size.transfer(n, rounding(rows, v), scratch, None);
+        (seen, size.power * scratch.part[..size.n_touched].iter().sum::<f32>())
+    }
+
+    /// As [`transfer`](Self::transfer), of a point with this normal, the mean over so many metres around it, of what
+    /// `share` says is visible in the texel about a direction.
+    pub fn transfer_to_point(
+        &self,
+        (p, n, around): (Vec3, Vec3, f32),
+        is_open: bool,
+        place: (&Panes, &Receivers),
+        scratch: &mut Scratch,
+        share: &mut dyn FnMut(Vec3) -> f32,
+    ) -> f32 {
+        let cosine = n.dot(self.disc.axis);
+        if cosine <= -self.sizes[self.n_sizes - 1].radius.sin() {
+            return 0.0;
+        }
+        let Some(size) = self.size(p, is_open, around * cosine.max(0.0).sqrt(), place, scratch) else {
+            return 0.0;
+        };
+        let mut share = |piece: &Piece| share(piece.middle());
+        size.transfer(n, ROUNDING[0], scratch, Some(&mut share))
+    }
+
+    /// Whether anything of it may fall on `p`.
+    pub fn may_reach(&self, p: Vec3, panes: &Panes) -> bool {
+        panes.all.is_near(p, self.disc.axis, self.spread)
+    }
+
+    /// The polygons that the light of a part of the sky about the disc may come through to `p`, and `p` as it is on
+    /// their inside.
+    pub fn near_polygons<'p>(
+        &self,
+        p: Vec3,
+        panes: &'p Panes,
+    ) -> impl Iterator<Item = (Vec3, &'p [[f32; 3]])> {
+        let (s, wide) = (self.disc.axis, 4.0 * self.spread);
+        let is_near = move |pane: &&Pane| panes.polygons.len() <= GROUP || pane.ball.is_near(p, s, wide);
+        panes.polygons.iter().filter(is_near).map(move |pane| (pane.inside(p), pane.corners))
+    }
+
+    /// Centre and normal of the polygon that the disc is seen through from `p`.
+    pub fn plane(&self, p: Vec3, panes: &Panes, scratch: &mut Scratch) -> Option<(Vec3, Vec3)> {
+        scratch.clear();
+        self.find(p, panes, self.sizes[self.n_sizes - 1].radius, scratch);
+        scratch.plane
+    }
+
+    /// Directions to the middles of the texels that the disc touches, and of those around.
+    pub fn middles(&self) -> impl Iterator<Item = Vec3> {
+        self.sizes[0].pieces.iter().map(Piece::middle)
+    }
+
+    /// The disc as it is seen from `p`, the mean over so many metres across it wanted; `None` where no polygon can hold a
+    /// part of it. Lists the polygons.
+    fn size(
+        &self,
+        p: Vec3,
+        is_open: bool,
+        across: f32,
+        (panes, receivers): (&Panes, &Receivers),
+        scratch: &mut Scratch,
+    ) -> Option<&Size> {
+        scratch.clear();
+        if is_open {
+            scratch.push_cone(0);
+            return self.sizes.first();
+        }
+        let way = self.find(p, panes, self.sizes[self.n_sizes - 1].radius, scratch)?;
         let way = way.min(2.0 * receivers.size);
         // As large as the cell looks from the window.
-        let cell = receivers.cell[v] * cosine.max(0.0).sqrt();
-        let wanted = (cell / way).hypot(self.disc.radius);
+        let wanted = (across / way).hypot(self.disc.radius);
         let sizes = &self.sizes[..self.n_sizes];
         let above = sizes.partition_point(|size| size.radius < wanted).min(sizes.len() - 1);
         let below = above.saturating_sub(1);
         let is_nearer = wanted * wanted < sizes[below].radius * sizes[above].radius;
-        sizes[if is_nearer { below } else { above }].transfer((v, n), rows, scratch)
+        sizes.get(if is_nearer { below } else { above })
     }
 
     /// Lists the sides of all polygons near the disc; the way to the nearest one that may hold a part of it at its widest.
@@ -368,7 +487,10 @@ impl Beam {
                 let way = pane.normal.dot(to) / slope;
                 let way = if way.is_finite() { way } else { to.dot(s) };
                 let way = way.max(1e-3 * pane.ball.radius);
-                nearest = Some(nearest.map_or(way, |n| n.min(way)));
+                if nearest.is_none_or(|n| way < n) {
+                    nearest = Some(way);
+                    scratch.plane = Some((pane.ball.centre, pane.normal));
+                }
             }
         }
         nearest
@@ -418,26 +540,42 @@ impl Size {
         self.probe.set(n, self.pieces.iter().map(|piece| piece.texel));
     }
 
-    /// What of it arrives at a vertex with this normal, through the cones found for it.
-    fn transfer(&self, (v, n): (usize, Vec3), rows: &Rows, scratch: &mut Scratch) -> f32 {
-        rows.probe(v, &self.probe, &mut scratch.texels[..self.pieces.len()]);
-        let rounding = ROUNDING[usize::from(rows.basis(v) == Basis::Haar)];
-        let mut sum = 0.0;
-        for (i, piece) in self.pieces[..self.n_touched].iter().enumerate() {
-            let t = scratch.texels[i];
-            if t > 0.0 {
-                let (whole, part) = self.portal_part(piece, n, scratch);
-                let share = t / whole.max(f32::MIN_POSITIVE);
-                if share > 1.0 - rounding {
-                    sum += part;
-                } else if share > rounding && scratch.n_cones > MOST_FOR_A_LINE {
-                    sum += share * part;
-                } else if share > rounding {
-                    sum += self.lit_part((i, part), n, share, scratch);
-                }
-            }
+    /// What of it arrives at a vertex or point with this normal, through the cones found for it. Which part of a texel is
+    /// visible is told by `visible`, or by T at the vertex.
+    fn transfer(
+        &self,
+        n: Vec3,
+        rounding: f32,
+        scratch: &mut Scratch,
+        mut visible: Option<&mut dyn FnMut(&Piece) -> f32>,
+    ) -> f32 {
+        let mut is_plain = true;
+        for i in 0..self.n_touched {
+            scratch.set_share(self, i, n, &mut visible);
+            let share = scratch.share[i];
+            is_plain &= share <= CLEAR * rounding || share >= 1.0 - CLEAR * rounding;
         }
-        self.power * sum
+        let rounded = |share: f32| match share {
+            share if share < rounding => 0.0,
+            share if share > 1.0 - rounding => 1.0,
+            share => share,
+        };
+        if is_plain || scratch.n_cones > MOST_FOR_A_LINE {
+            let parts = scratch.share.iter().zip(&scratch.part).take(self.n_touched);
+            return self.power * parts.map(|(share, part)| rounded(*share) * part).sum::<f32>();
+        }
+        // Now the texels around are asked for the edge's way.
+        (self.n_touched..self.pieces.len()).for_each(|i| scratch.set_share(self, i, n, &mut visible));
+        let scratch = &*scratch;
+        let lit = |i: usize| {
+            let (share, part) = (scratch.share[i], scratch.part[i]);
+            let plain = rounded(share) * part;
+            match share > CLEAR * rounding && share < 1.0 - CLEAR * rounding && part > 0.0 {
+                true => self.lit_part(i, plain, n, scratch),
+                false => plain,
+            }
+        };
+        self.power * (0..self.n_touched).map(lit).sum::<f32>()
     }
 
     /// Of a texel and of the disc's part in it what lies within the portal.
@@ -452,35 +590,28 @@ impl Size {
         })
     }
 
-    /// What of the disc's `part` in texel `i` lies on the lit side of the shadow's edge, as a `share` of the texel does;
-    /// that share of it where the texels around do not tell which side is lit.
-    fn lit_part(&self, (i, part): (usize, f32), normal: Vec3, share: f32, scratch: &Scratch) -> f32 {
-        let piece = &self.pieces[i];
+    /// What of the disc's part in texel `i` lies on the lit side of the shadow's edge, as its share of the texel does;
+    /// `plain` where the texels around do not tell which side is lit.
+    fn lit_part(&self, i: usize, plain: f32, normal: Vec3, scratch: &Scratch) -> f32 {
+        let (piece, share) = (&self.pieces[i], scratch.share[i]);
         let (mut xx, mut xy, mut yy, mut growth) = (0.0, 0.0, 0.0, Vec2::ZERO);
-        for (other, t) in self.pieces.iter().zip(&scratch.texels) {
+        for (k, other) in self.pieces.iter().enumerate() {
             let to =
                 Vec2::new(other.column as f32 - piece.column as f32, other.row as f32 - piece.row as f32);
             if other.face != piece.face || to.abs().max_element() != 1.0 {
                 continue;
             }
-            let (whole, _) = self.portal_part(other, normal, scratch);
-            let weight = whole / to.length_squared();
-            let more = (t / whole.max(f32::MIN_POSITIVE)).min(1.0) - share;
+            let weight = weight(scratch.whole[k], scratch.whole[i], to);
+            let more = scratch.share[k].min(1.0) - share;
             xx += weight * to.x * to.x;
             xy += weight * to.x * to.y;
             yy += weight * to.y * to.y;
             growth += weight * more * to;
         }
-        // The plane through the shares, by least squares; a little stiffness where texels lie on one line.
-        let stiff = 1e-3 * (xx + yy);
-        let (a, b) = (xx + stiff, yy + stiff);
-        let way = Vec2::new(b * growth.x - xy * growth.y, a * growth.y - xy * growth.x);
-        let way = way / (a * b - xy * xy).max(f32::MIN_POSITIVE);
-        let trust = ((way.length() - GROWTH.0) / (GROWTH.1 - GROWTH.0)).clamp(0.0, 1.0);
+        let (way, trust) = way_of_growth([xx, xy, yy], growth);
         if trust == 0.0 {
-            return share * part;
+            return plain;
         }
-        let way = way.normalize();
         let horizon = piece.flat(normal);
         let mut lit = 0.0;
         for sides in scratch.cones() {
@@ -491,7 +622,7 @@ impl Size {
             };
             lit += part.clipped(whole.line(way, share, horizon)).worth(horizon);
         }
-        trust * lit + (1.0 - trust) * share * part
+        trust * lit + (1.0 - trust) * plain
     }
 
     /// What of the texel and of the disc's part in it lies within the sides and above the horizon.
@@ -541,6 +672,13 @@ impl Piece {
         }
     }
 
+    /// Direction of its middle.
+    fn middle(&self) -> Vec3 {
+        let [axis, s, t] = self.axes;
+        let c = 0.5 * (self.corners[0] + self.corners[2]);
+        axis + c.x * s + c.y * t
+    }
+
     /// The normal of a plane through the vertex, in the face's coordinates.
     fn flat(&self, side: Vec3) -> Vec3 {
         let [axis, s, t] = self.axes;
@@ -563,7 +701,13 @@ pub struct Scratch {
     /// Ranges of sides.
     cones: [(u16, u16); MOST_CONES],
     n_cones: usize,
+    /// Centre and normal of the nearest polygon that may hold a part of the disc.
+    plane: Option<(Vec3, Vec3)>,
+    /// T, F, that of the disc's part, and T/F, of pieces.
     texels: [f32; MOST_TEXELS],
+    whole: [f32; MOST_TEXELS],
+    part: [f32; MOST_TEXELS],
+    share: [f32; MOST_TEXELS],
 }
 
 impl Default for Scratch {
@@ -573,14 +717,18 @@ impl Default for Scratch {
             n_sides: 0,
             cones: [(0, 0); MOST_CONES],
             n_cones: 0,
+            plane: None,
             texels: [0.0; MOST_TEXELS],
+            whole: [0.0; MOST_TEXELS],
+            part: [0.0; MOST_TEXELS],
+            share: [0.0; MOST_TEXELS],
         }
     }
 }
 
 impl Scratch {
     fn clear(&mut self) {
-        (self.n_sides, self.n_cones) = (0, 0);
+        (self.n_sides, self.n_cones, self.plane) = (0, 0, None);
     }
 
     fn push_side(&mut self, side: Vec3) {
@@ -598,19 +746,37 @@ impl Scratch {
         }
     }
 
+    /// From T of piece `i`, the rest.
+    fn set_share(
+        &mut self,
+        size: &Size,
+        i: usize,
+        n: Vec3,
+        visible: &mut Option<&mut dyn FnMut(&Piece) -> f32>,
+    ) {
+        let piece = &size.pieces[i];
+        (self.whole[i], self.part[i]) = size.portal_part(piece, n, self);
+        self.share[i] = match visible {
+            Some(visible) if self.whole[i] > 0.0 => visible(piece),
+            Some(_) => 0.0,
+            None => self.texels[i] / self.whole[i].max(f32::MIN_POSITIVE),
+        };
+    }
+
     fn cones(&self) -> impl Iterator<Item = &[Vec3]> {
         self.cones[..self.n_cones].iter().map(|&(from, to)| &self.sides[usize::from(from)..usize::from(to)])
     }
 }
 
 /// A convex polygon in a face's plane that is being cut.
-struct Cut {
+pub struct Cut {
     points: [Vec2; MOST_POINTS],
     n: usize,
 }
 
 impl Cut {
-    fn new(points: &[Vec2]) -> Cut {
+    /// All of it.
+    pub fn new(points: &[Vec2]) -> Cut {
         let mut cut = Cut { points: [Vec2::ZERO; MOST_POINTS], n: 0 };
         points.iter().for_each(|p| cut.push(*p));
         cut
@@ -624,7 +790,7 @@ impl Cut {
     }
 
     /// The part where `side` is not negative.
-    fn clipped(&self, side: Vec3) -> Cut {
+    pub fn clipped(&self, side: Vec3) -> Cut {
         let mut to = Cut::new(&[]);
         clip_each(&self.points[..self.n], |p: Vec2| side.dot(p.extend(1.0)), |p| to.push(p));
         to
@@ -644,7 +810,7 @@ impl Cut {
     }
 
     /// ∫ max(n·ω, 0) dω, the middle's value taken for all.
-    fn worth(&self, normal: Vec3) -> f32 {
+    pub fn worth(&self, normal: Vec3) -> f32 {
         let points = &self.points[..self.n];
         let Some(&origin) = points.first() else { return 0.0 };
         let (mut area, mut centre) = (0.0, Vec2::ZERO);

@@ -5,12 +5,14 @@ use glam::Vec3;
 use lunette_bake::{Basis, Options};
 use lunette_relight::frame::Method;
 use lunette_relight::indirect::Indirect;
+use lunette_relight::portal_frame::{Detail, Point};
+use lunette_relight::shell::Material;
 use lunette_render::{
     NOISE_MARGIN, Reference, ReferenceOptions, Surface, Tracer, difference, noise, reference_irradiance,
 };
 use lunette_scenes::{Portal, Scene};
 use lunette_tests::baked::{baked, irradiance, light, scene};
-use lunette_tests::interior::{built, in_flat_faces, lit};
+use lunette_tests::interior::{built, frame_through, in_flat_faces, lit};
 use lunette_tests::measure::spread;
 
 const BOUNCES: usize = 3;
@@ -22,6 +24,19 @@ struct Truth {
 }
 
 fn truth(scene: &Scene, portals: &[Portal], at: Vec<usize>, spec: &str, options: ReferenceOptions) -> Truth {
+    let pick = |of: &[Vec3]| at.iter().map(|&v| of[v]).collect::<Vec<_>>();
+    let (points, normals) = (pick(&scene.mesh.position), pick(&scene.mesh.normal));
+    Truth { reference: truth_at(scene, portals, &points, &normals, spec, options), at }
+}
+
+fn truth_at(
+    scene: &Scene,
+    portals: &[Portal],
+    points: &[Vec3],
+    normals: &[Vec3],
+    spec: &str,
+    options: ReferenceOptions,
+) -> Reference {
     let mesh = &scene.mesh;
     let albedo = scene.vertex_albedo();
     let surface =
@@ -31,10 +46,7 @@ fn truth(scene: &Scene, portals: &[Portal], at: Vec<usize>, spec: &str, options:
     if !panes.is_empty() {
         tracer = tracer.with_portals(&panes).expect("panes");
     }
-    let pick = |of: &[Vec3]| at.iter().map(|&v| of[v]).collect::<Vec<_>>();
-    let (points, normals) = (pick(&mesh.position), pick(&mesh.normal));
-    let reference = reference_irradiance(&tracer, &light(spec), &points, &normals, &options, |_| {});
-    Truth { reference: reference.expect("a reference"), at }
+    reference_irradiance(&tracer, &light(spec), points, normals, &options, |_| {}).expect("a reference")
 }
 
 /// What is held against the reference.
@@ -150,6 +162,49 @@ fn suns_are_as_sharp_as_the_window() {
         let truth = truth(&interior.scene, &interior.portals, at, spec, options).without_buried();
         let found = lit(&asset, &light(spec), Indirect::None);
         truth.judge(&format!("{name}, {spec}"), &found.direct, Part::Direct, bound);
+    }
+}
+
+/// Takes the triangles of a group away; their vertices stay.
+fn without_group(scene: &mut Scene, name: &str) {
+    let group = scene.groups.iter().position(|g| g == name).expect("a group of that name") as u32;
+    let mesh = &mut scene.mesh;
+    let keep: Vec<bool> = mesh.group.iter().map(|g| *g != group).collect();
+    let mut of = keep.iter();
+    mesh.index.retain(|_| *of.next().expect("one each"));
+    let mut of = keep.iter();
+    mesh.material.retain(|_| *of.next().expect("one each"));
+    mesh.group.retain(|g| *g != group);
+}
+
+/// In the middles of triangles 0.3 m wide, in an empty room of walls 0.25 m thick.
+#[test]
+fn between_vertices_suns_are_as_sharp_as_the_window() {
+    let mut interior = built("box-room:window-width=3,window-height=2,edge=0.3");
+    without_group(&mut interior.scene, "rabbit");
+    let asset = interior.bake(&Options { bounces: 0, rays: 4096, ..Options::default() });
+    let mesh = interior.mesh();
+    let inside = lunette_bake::openings::inside(&interior.scene, &interior.portals).expect("Embree");
+    let is_inside = |t: &&[u32; 3]| t.iter().all(|&v| inside[v as usize]);
+    let triangles: Vec<[u32; 3]> = mesh.index.iter().filter(is_inside).copied().collect();
+    let middle = |of: &[Vec3], t: &[u32; 3]| t.map(|v| of[v as usize]).iter().sum::<Vec3>() / 3.0;
+    let points: Vec<Vec3> = triangles.iter().map(|t| middle(&mesh.position, t)).collect();
+    let normals: Vec<Vec3> = triangles.iter().map(|t| middle(&mesh.normal, t).normalize()).collect();
+    for (spec, bound) in [("cap:-1,0.5,0.1,0.1,100", 0.01), ("cap:-1,0.5,0.1,0.004653,40000", 0.03)] {
+        let options = ReferenceOptions { samples: 4096, bounces: 0, seed: 5 };
+        let truth = truth_at(&interior.scene, &interior.portals, &points, &normals, spec, options).direct;
+        let frame = frame_through(&asset, &light(spec), Indirect::None, Material::CLEAR);
+        let mut direct = vec![[0.0; 3]; asset.n_vertices()];
+        frame.direct(0, &mut direct);
+        let direct: Vec<Vec3> = direct.into_iter().map(Vec3::from).collect();
+        let plain: Vec<Vec3> = triangles.iter().map(|t| middle(&direct, t)).collect();
+        let point = |t: &[u32; 3]| Point { corners: *t, weights: [1.0 / 3.0; 3], radius: 0.0 };
+        let mut detail = Detail::new(&frame);
+        let more = triangles.iter().map(|t| Vec3::from(detail.at(&point(t))));
+        let sharp: Vec<Vec3> = plain.iter().zip(more).map(|(e, more)| e + more).collect();
+        let off = |found: &[Vec3]| difference(found, &truth, None).expect("numbers").relative;
+        println!("{spec}: {:.4}, interpolated {:.4}", off(&sharp), off(&plain));
+        assert!(off(&sharp) < bound && off(&plain) > 2.0 * off(&sharp));
     }
 }
 

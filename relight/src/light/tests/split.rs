@@ -22,7 +22,7 @@ fn sun_in_a_picture_becomes_a_cap_of_its_energy() {
     let pixel = (PI / 128.0).powi(2) * (PI * 31.0 / 128.0).sin();
     assert!((sun.solid_angle() / (4.0 * pixel) - 1.0).abs() < 1e-3);
     assert!((sun.radiance.x / 10_000.0 - 1.0).abs() < 1e-3 && (sun.radiance.z / 5_000.0 - 1.0).abs() < 1e-3);
-    // What is left is 0.5 everywhere but for four black pixels.
+    // What is left is 0.5 everywhere but for four pixels as bright as the picture's mean.
     assert!((smooth[0][0] / (0.5 * (4.0 * PI).sqrt()) - 1.0).abs() < 1e-3, "{:?}", smooth[0]);
     assert!(smooth[1..].iter().flatten().all(|c| c.abs() < 3e-3), "{smooth:?}");
 }
@@ -41,6 +41,32 @@ fn spots_and_rest_add_up_to_the_picture() {
         // A square of pixels against a round disc: the second band tells them apart a little.
         assert!((a - b).abs() < 2e-3 * whole[0][0], "{a} against {b}");
     }
+}
+
+#[test]
+fn light_with_spots_as_discs_is_the_light_to_a_cubemap() {
+    let image = sunny_picture().rotated(some_turn()).scaled(0.5);
+    let light = Light { sources: vec![Source::Equirect(image), Source::Uniform(Vec3::ONE)] };
+    let apart = light.with_spots_as_discs();
+    assert_eq!(apart.discs().count(), 1);
+    const N: usize = 8;
+    let texels = |light: &Light| {
+        let mut texels = vec![[0.0; 3]; crate::cubemap::n_texels(N)];
+        crate::cubemap::project_light(light, N, &mut texels);
+        texels
+    };
+    let (whole, sum) = (texels(&light), texels(&apart));
+    let brightest = whole.iter().map(|t| t[0]).fold(0.0, f32::max);
+    assert!(brightest > 50.0, "{brightest}");
+    let mut off = 0.0;
+    for (a, b) in whole.iter().zip(&sum) {
+        // A square of pixels against a round disc, both cut in two by an edge of texels.
+        assert!((a[0] - b[0]).abs() < 0.15 * brightest, "{a:?} {b:?}");
+        off += a[0] - b[0];
+    }
+    // What one texel lacks the other has.
+    assert!(off.abs() < 0.01 * brightest, "{off}");
+    assert_eq!(apart.with_spots_as_discs().discs().count(), 1, "once is enough");
 }
 
 #[test]
