@@ -27,7 +27,7 @@
 //! | `portal.k.polygon` | u32 \[M+1\] | polygon i has the corners `polygon[i]..polygon[i + 1]` |
 //! | `portal.k.open` | u32 | vertices outside of it, which see the sky past it; rising |
 //!
-//! by which a sun is sharper than a texel ([`PortalFrame::set_shell_with_discs`]).
+//! by which a sun is sharper than a texel ([`PortalFrame::set_shell_with_discs`]), and than the mesh ([`Detail`]).
 //!
 //! Based on: Yue, Iwasaki, Chen, Dobashi and Nishita, Interactive Rendering of Interior Scenes with Dynamic
 //! Environment Illumination, 2009.

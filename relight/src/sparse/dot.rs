@@ -3,7 +3,7 @@
 
 use glam::Vec4;
 
-use super::Basis;
+use super::{Basis, SparseLight};
 
 /// Parts of some consecutive rows, checked by [`Rows`](super::Rows): the runs of a row add up to its values, are no
 /// longer than [`LONGEST_RUN`](super::LONGEST_RUN), and the light goes on behind them by
@@ -26,6 +26,9 @@ pub struct Slices<'a> {
 /// Entries of the light by basis: red, green, blue, nothing.
 pub type Light<'a> = [&'a [Vec4]; 3];
 
+/// The same by basis and colour.
+pub type Planes<'a> = [[&'a [f32]; 3]; 3];
+
 impl<'a> Slices<'a> {
     /// Runs and values of a row.
     #[inline(always)]
@@ -36,12 +39,12 @@ impl<'a> Slices<'a> {
 }
 
 /// Adds the rows' dot products with the light to `out`.
-pub fn add(rows: &Slices, light: Light, out: &mut [[f32; 3]]) {
+pub fn add(rows: &Slices, light: &SparseLight, out: &mut [[f32; 3]]) {
     #[cfg(target_arch = "x86_64")]
-    if super::x86::add(rows, light, out) {
+    if super::x86::add(rows, light.planes(), out) {
         return;
     }
-    add_portable(rows, light, out);
+    add_portable(rows, light.entries(), out);
 }
 
 /// For any processor.

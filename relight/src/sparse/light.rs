@@ -2,14 +2,15 @@
 
 use glam::Vec4;
 
+use super::dot::Planes;
 use super::{LONGEST_RUN, N_COARSE, TIER, n_haar_entries, transpose};
 use crate::{cubemap, haar};
 
 /// Entries of zero behind each list: a run is read as if it were the longest.
 pub(super) const PADDING: usize = LONGEST_RUN;
 
-/// The light of a cubemap, for each basis. The colours of an entry lie together (and a zero): a short run then touches
-/// one or two lines of the cache, not one for each colour.
+/// The light of a cubemap, for each basis: the colours of an entry together (and a zero), as it is transformed, and each
+/// colour for itself, as wide vectors read it.
 #[derive(Clone, Debug)]
 pub struct SparseLight {
     n: usize,
@@ -17,6 +18,8 @@ pub struct SparseLight {
     haar: Vec<Vec4>,
     columns: Vec<Vec4>,
     scratch: Vec<Vec4>,
+    /// By basis and colour.
+    planes: [[Vec<f32>; 3]; 3],
 }
 
 impl SparseLight {
@@ -33,6 +36,8 @@ impl SparseLight {
             haar: entries(n_haar_entries(n)),
             columns: entries(cubemap::n_texels(n)),
             scratch: vec![Vec4::ZERO; n * n],
+            planes: [cubemap::n_texels(n), n_haar_entries(n), cubemap::n_texels(n)]
+                .map(|count| std::array::from_fn(|_| vec![0.0; count + PADDING])),
         }
     }
 
@@ -53,6 +58,17 @@ impl SparseLight {
         let pulse = &self.pulse[..texels.len()];
         transpose(self.n, pulse, &mut self.columns[..texels.len()]);
         transform(self.n, pulse, &mut self.scratch, &mut self.haar);
+        for (entries, planes) in [&self.pulse, &self.haar, &self.columns].into_iter().zip(&mut self.planes) {
+            let [r, g, b] = planes;
+            for (((entry, r), g), b) in entries.iter().zip(r).zip(g).zip(b) {
+                [*r, *g, *b] = entry.truncate().to_array();
+            }
+        }
+    }
+
+    /// As [`entries`](Self::entries), colour by colour.
+    pub(super) fn planes(&self) -> Planes<'_> {
+        self.planes.each_ref().map(|planes| planes.each_ref().map(Vec::as_slice))
     }
 
     /// Entries and zeros behind them, by [`Basis`](super::Basis).

@@ -133,7 +133,7 @@ impl<'a> Rows<'a> {
     /// # Panics
     /// When there are not that many vertices, or the light has another resolution.
     pub fn add(&self, first: usize, light: &SparseLight, out: &mut [[f32; 3]]) {
-        dot::add(&self.slices(first, light, out.len()), light.entries(), out);
+        dot::add(&self.slices(first, light, out.len()), light, out);
     }
 
     /// As [`Rows::add`], without the processor's special instructions: what the fast way is held against.

@@ -1,16 +1,14 @@
 //! The dot products of sparse rows with AVX-512, or with AVX2 and FMA.
 //!
-//! A run, sixteen values at most, is loaded under a mask and widened to f32 at once. Then four (with AVX2 two) values
-//! at a time are spread over the four numbers of their entries and multiplied into an accumulator whose lanes are red,
-//! green, blue, nothing, over and over. Lanes behind the run's end are 0, so that no value is handled alone: the light
-//! is read on past the run, into other entries or the padding, to be multiplied by those zeros.
+//! A run, sixteen values at most, is loaded under a mask, widened to f32 at once and multiplied with the light's reds,
+//! greens and blues. Lanes behind the run's end are 0, so that no value is handled alone and nothing is decided within a
+//! run, which a processor would often foretell wrongly: the light is read on past the run, into other entries or the
+//! padding, to be multiplied by those zeros.
 #![allow(unsafe_code, reason = "faster than the portable sum, see the portal bench")]
 
 use std::arch::x86_64::*;
 
-use glam::Vec4;
-
-use super::dot::{Light, Slices};
+use super::dot::{Planes, Slices};
 use super::light::PADDING;
 use super::{Basis, LONGEST_RUN};
 
@@ -30,7 +28,7 @@ const HAAR: u8 = Basis::Haar as u8;
 const PULSE: u8 = Basis::Pulse as u8;
 
 /// Whether the work was done: false leaves it to the portable sum.
-pub fn add(rows: &Slices, light: Light, out: &mut [[f32; 3]]) -> bool {
+pub fn add(rows: &Slices, light: Planes, out: &mut [[f32; 3]]) -> bool {
     let has_avx2 = is_x86_feature_detected!("avx2")
         && is_x86_feature_detected!("fma")
         && is_x86_feature_detected!("bmi2");
@@ -48,42 +46,38 @@ pub fn add(rows: &Slices, light: Light, out: &mut [[f32; 3]]) -> bool {
 }
 
 #[target_feature(enable = "avx2,fma,bmi2,avx512f,avx512bw,avx512vl")]
-fn add_avx512(rows: &Slices, light: Light, out: &mut [[f32; 3]]) {
+fn add_avx512(rows: &Slices, light: Planes, out: &mut [[f32; 3]]) {
     for (v, out) in out.iter_mut().enumerate() {
         let (row, entries) = (rows.row(v), light[usize::from(rows.basis[v])]);
         let sum = match rows.basis[v] {
             HAAR => row_avx512::<HAAR>(row, entries),
             _ => row_avx512::<PULSE>(row, entries),
         };
-        add_scaled(rows.scale[v], sum, out);
+        for (o, s) in out.iter_mut().zip(sum) {
+            *o += rows.scale[v] * s;
+        }
     }
 }
 
 #[target_feature(enable = "avx2,fma,bmi2")]
-fn add_avx2(rows: &Slices, light: Light, out: &mut [[f32; 3]]) {
+fn add_avx2(rows: &Slices, light: Planes, out: &mut [[f32; 3]]) {
     for (v, out) in out.iter_mut().enumerate() {
         let (row, entries) = (rows.row(v), light[usize::from(rows.basis[v])]);
         let sum = match rows.basis[v] {
             HAAR => row_avx2::<HAAR>(row, entries),
             _ => row_avx2::<PULSE>(row, entries),
         };
-        add_scaled(rows.scale[v], sum, out);
-    }
-}
-
-#[inline(always)]
-fn add_scaled(scale: f32, sum: __m128, out: &mut [f32; 3]) {
-    for (o, s) in out.iter_mut().zip(Vec4::from(sum).to_array()) {
-        *o += scale * s;
+        for (o, s) in out.iter_mut().zip(sum) {
+            *o += rows.scale[v] * s;
+        }
     }
 }
 
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi2,avx512f,avx512bw,avx512vl")]
-fn row_avx512<const BASIS: u8>((runs, values): (&[[u8; 2]], &[u8]), light: &[Vec4]) -> __m128 {
-    let mut sums = [_mm512_setzero_ps(); 2];
-    let (mut from, mut entry) = (values.as_ptr(), light.as_ptr());
-    let spread = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+fn row_avx512<const BASIS: u8>((runs, values): (&[[u8; 2]], &[u8]), light: [&[f32]; 3]) -> [f32; 3] {
+    let mut sums = [_mm512_setzero_ps(); 3];
+    let (mut from, mut entry) = (values.as_ptr(), 0);
     for &[gap, length] in runs {
         let (gap, length) = (usize::from(gap), usize::from(length));
         let mask = _bzhi_u32(0xffff, length as u32) as __mmask16;
@@ -91,55 +85,43 @@ fn row_avx512<const BASIS: u8>((runs, values): (&[[u8; 2]], &[u8]), light: &[Vec
         let bytes = unsafe { _mm_maskz_loadu_epi8(mask, from.cast()) };
         let wide = if BASIS == HAAR { _mm512_cvtepi8_epi32(bytes) } else { _mm512_cvtepu8_epi32(bytes) };
         let value = _mm512_cvtepi32_ps(wide);
-        // SAFETY: runs end within the light (`Slices`).
-        entry = unsafe { entry.add(gap) };
-        for k in (0..length).step_by(8) {
-            for (j, sum) in sums.iter_mut().enumerate() {
-                let first = k + 4 * j;
-                // SAFETY: first + 4 <= LONGEST_RUN, by which and more the light goes on behind a run (`Slices`).
-                let l = unsafe { _mm512_loadu_ps(entry.add(first).cast()) };
-                let four =
-                    _mm512_permutexvar_ps(_mm512_add_epi32(spread, _mm512_set1_epi32(first as i32)), value);
-                *sum = _mm512_fmadd_ps(four, l, *sum);
-            }
+        entry += gap;
+        for (sum, light) in sums.iter_mut().zip(light) {
+            // SAFETY: runs end within the light, which goes on by `LONGEST_RUN` entries and more (`Slices`).
+            let l = unsafe { _mm512_loadu_ps(light.as_ptr().add(entry)) };
+            *sum = _mm512_fmadd_ps(value, l, *sum);
         }
-        // SAFETY: at most one past the row's last value, and runs end within the light (`Slices`).
-        unsafe {
-            from = from.add(length);
-            entry = entry.add(length);
-        }
+        // SAFETY: at most one past the row's last value.
+        from = unsafe { from.add(length) };
+        entry += length;
     }
-    let sum = _mm512_add_ps(sums[0], sums[1]);
-    let half = _mm256_add_ps(
-        _mm512_castps512_ps256(sum),
-        _mm256_castpd_ps(_mm512_extractf64x4_pd::<1>(_mm512_castps_pd(sum))),
-    );
-    fold(half)
+    fold(sums.map(|sum| {
+        let high = _mm256_castpd_ps(_mm512_extractf64x4_pd::<1>(_mm512_castps_pd(sum)));
+        _mm256_add_ps(_mm512_castps512_ps256(sum), high)
+    }))
 }
 
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi2")]
-fn row_avx2<const BASIS: u8>((runs, mut values): (&[[u8; 2]], &[u8]), light: &[Vec4]) -> __m128 {
-    let mut sums = [_mm256_setzero_ps(); 2];
-    let spread = _mm256_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1);
+fn row_avx2<const BASIS: u8>((runs, mut values): (&[[u8; 2]], &[u8]), light: [&[f32]; 3]) -> [f32; 3] {
+    let mut sums = [_mm256_setzero_ps(); 3];
     let mut at = 0;
     for &[gap, length] in runs {
         at += usize::from(gap);
         let length = usize::from(length);
         for first in (0..length).step_by(HALF) {
             let value = widen::<BASIS>(first_bytes(&values[first..], length - first));
-            let eight = &light[at + first..at + first + HALF];
-            for (k, two) in eight.chunks_exact(2).enumerate() {
-                // SAFETY: two entries are the eight numbers read; the load asks for no alignment.
-                let l = unsafe { _mm256_loadu_ps(two.as_ptr().cast()) };
-                let index = _mm256_add_epi32(spread, _mm256_set1_epi32(2 * k as i32));
-                sums[k % 2] = _mm256_fmadd_ps(_mm256_permutevar8x32_ps(value, index), l, sums[k % 2]);
+            for (sum, light) in sums.iter_mut().zip(light) {
+                let eight = &light[at + first..at + first + HALF];
+                // SAFETY: eight entries are the numbers read; the load asks for no alignment.
+                let l = unsafe { _mm256_loadu_ps(eight.as_ptr()) };
+                *sum = _mm256_fmadd_ps(value, l, *sum);
             }
         }
         at += length;
         values = &values[length..];
     }
-    fold(_mm256_add_ps(sums[0], sums[1]))
+    fold(sums)
 }
 
 /// Eight bytes as numbers.
@@ -163,15 +145,22 @@ fn first_bytes(values: &[u8], count: usize) -> u64 {
     _bzhi_u64(bytes, 8 * count as u32)
 }
 
-/// Red, green, blue, nothing of two entries -> of their sum.
+/// The sum of each of three vectors.
 #[inline]
 #[target_feature(enable = "avx2,fma")]
-fn fold(v: __m256) -> __m128 {
-    _mm_add_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v))
+fn fold([r, g, b]: [__m256; 3]) -> [f32; 3] {
+    // Pairs of neighbours: r r g g, then r g b b, each in both halves.
+    let (rg, bb) = (_mm256_hadd_ps(r, g), _mm256_hadd_ps(b, b));
+    let all = _mm256_hadd_ps(rg, bb);
+    let sum = _mm_add_ps(_mm256_castps256_ps128(all), _mm256_extractf128_ps::<1>(all));
+    let [r, g, b, _] = glam::Vec4::from(sum).to_array();
+    [r, g, b]
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec4;
+
     use super::*;
 
     /// Rows of every run length, the last of which end at the end of all values.
@@ -198,6 +187,9 @@ mod tests {
             |i: usize| Vec4::new((i as f32 * 0.03).sin(), (i as f32 * 0.05).cos(), i as f32 * 0.01, 0.0);
         let entries: Vec<Vec4> = (0..400).map(entry).collect();
         let light = [&entries[..], &entries[1..], &entries[2..]];
+        let plane = |c: usize| entries.iter().map(|e| e[c]).collect::<Vec<f32>>();
+        let planes = [plane(0), plane(1), plane(2)];
+        let planes = [0, 1, 2].map(|from| planes.each_ref().map(|plane| &plane[from..]));
         let mut portable = vec![[0.5; 3]; 70];
         super::super::dot::add_portable(&rows, light, &mut portable);
         assert!(portable.iter().flatten().any(|e| e.abs() > 100.0), "there is something to compare");
@@ -208,14 +200,14 @@ mod tests {
             }
         };
         let mut out = vec![[0.5; 3]; 70];
-        if !add(&rows, light, &mut out) {
+        if !add(&rows, planes, &mut out) {
             println!("skipped: this processor has no AVX2");
             return;
         }
         close(&out);
         let mut out = vec![[0.5; 3]; 70];
         // SAFETY: `add` has found AVX2, FMA and BMI2.
-        unsafe { add_avx2(&rows, light, &mut out) };
+        unsafe { add_avx2(&rows, planes, &mut out) };
         close(&out);
     }
 }
