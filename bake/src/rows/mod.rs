@@ -34,7 +34,10 @@ const FIRST: usize = 256;
 /// Rays of a piece: at first at least, and where something is in the way at least and at most: a rose of hundreds of panes
 /// has as many pieces.
 const FEWEST: usize = 2;
-const REFINED: (usize, usize) = (2, 64);
+const REFINED: (usize, usize) = (2, 128);
+
+/// Rays at edges of shadows for each ray that a vertex is granted: suns are as straight as these find edges to be.
+const EDGE_SHARE: usize = 2;
 
 /// How near to a portal's plane, as a share of the way to it, another portal counts as lying in it.
 const SAME_PLANE: f32 = 1e-4;
@@ -150,7 +153,7 @@ impl Aim<'_> {
                 break;
             }
             if more == 0 {
-                more = (self.rays / edges.len()).clamp(REFINED.0, REFINED.1);
+                more = (EDGE_SHARE * self.rays / edges.len()).clamp(REFINED.0, REFINED.1);
             }
             edges.iter().for_each(|&c| is_refined[c] = true);
             self.look(v, &eye, edges.into_iter(), first..first + more, row);

@@ -133,6 +133,8 @@ pub struct Beam {
 #[derive(Default)]
 struct Size {
     radius: f32,
+    /// Directions of the polygon that stands for it.
+    rim: [Vec3; CORNERS],
     /// Those that the disc touches, then those around them on the same face.
     pieces: Vec<Piece>,
     n_touched: usize,
@@ -375,29 +377,29 @@ impl Beam {
             return (0.0, 0.0);
         };
         rows.probe(v, &size.probe, &mut scratch.texels[..size.pieces.len()]);
-        let seen = size.transfer(n, rounding(rows, v), scratch, None);
+        let seen = size.transfer(n, rounding(rows, v), scratch);
         (seen, size.power * scratch.part[..size.n_touched].iter().sum::<f32>())
     }
 
-    /// As [`transfer`](Self::transfer), of a point with this normal, the mean over so many metres around it, of what
-    /// `share` says is visible in the texel about a direction.
-    pub fn transfer_to_point(
+    /// As [`transfer`](Self::transfer), of a point with this normal, the mean over so many metres around it, if nothing but
+    /// the portal's rim hid the disc; and directions to the disc's own rim, as large as it is for that. `None` where it
+    /// is not seen.
+    pub fn open_transfer(
         &self,
         (p, n, around): (Vec3, Vec3, f32),
         is_open: bool,
         place: (&Panes, &Receivers),
         scratch: &mut Scratch,
-        share: &mut dyn FnMut(Vec3) -> f32,
-    ) -> f32 {
+    ) -> Option<(f32, &[Vec3])> {
         let cosine = n.dot(self.disc.axis);
         if cosine <= -self.sizes[self.n_sizes - 1].radius.sin() {
-            return 0.0;
+            return None;
         }
-        let Some(size) = self.size(p, is_open, around * cosine.max(0.0).sqrt(), place, scratch) else {
-            return 0.0;
-        };
-        let mut share = |piece: &Piece| share(piece.middle());
-        size.transfer(n, ROUNDING[0], scratch, Some(&mut share))
+        let size = self.size(p, is_open, around * cosine.max(0.0).sqrt(), place, scratch)?;
+        let touched = &size.pieces[..size.n_touched];
+        let open =
+            size.power * touched.iter().map(|piece| size.portal_part(piece, n, scratch).1).sum::<f32>();
+        (open > 0.0).then_some((open, &size.rim))
     }
 
     /// Whether anything of it may fall on `p`.
@@ -506,12 +508,12 @@ impl Size {
         let step = 2.0 * PI / CORNERS as f32;
         // As large as the disc: N/2 sin(2π/N) r² = π tan² radius.
         let rim = radius.tan() * (step / step.sin()).sqrt();
-        let corners: [Vec3; CORNERS] = std::array::from_fn(|i| {
+        self.rim = std::array::from_fn(|i| {
             let (sine, cosine) = (i as f32 * step).sin_cos();
             axis + rim * (cosine * s + sine * t)
         });
         self.footprint.clear();
-        self.footprint.add_polygon(&Eye { origin: Vec3::ZERO, normal: axis, n }, 0, &corners);
+        self.footprint.add_polygon(&Eye { origin: Vec3::ZERO, normal: axis, n }, 0, &self.rim);
         self.pieces.clear();
         self.points.clear();
         for cell in self.footprint.cells.iter().take(MOST_TEXELS) {
@@ -540,18 +542,11 @@ impl Size {
         self.probe.set(n, self.pieces.iter().map(|piece| piece.texel));
     }
 
-    /// What of it arrives at a vertex or point with this normal, through the cones found for it. Which part of a texel is
-    /// visible is told by `visible`, or by T at the vertex.
-    fn transfer(
-        &self,
-        n: Vec3,
-        rounding: f32,
-        scratch: &mut Scratch,
-        mut visible: Option<&mut dyn FnMut(&Piece) -> f32>,
-    ) -> f32 {
+    /// What of it arrives at a vertex with this normal, through the cones and T of texels found for it.
+    fn transfer(&self, n: Vec3, rounding: f32, scratch: &mut Scratch) -> f32 {
         let mut is_plain = true;
         for i in 0..self.n_touched {
-            scratch.set_share(self, i, n, &mut visible);
+            scratch.set_share(self, i, n);
             let share = scratch.share[i];
             is_plain &= share <= CLEAR * rounding || share >= 1.0 - CLEAR * rounding;
         }
@@ -565,7 +560,7 @@ impl Size {
             return self.power * parts.map(|(share, part)| rounded(*share) * part).sum::<f32>();
         }
         // Now the texels around are asked for the edge's way.
-        (self.n_touched..self.pieces.len()).for_each(|i| scratch.set_share(self, i, n, &mut visible));
+        (self.n_touched..self.pieces.len()).for_each(|i| scratch.set_share(self, i, n));
         let scratch = &*scratch;
         let lit = |i: usize| {
             let (share, part) = (scratch.share[i], scratch.part[i]);
@@ -747,20 +742,9 @@ impl Scratch {
     }
 
     /// From T of piece `i`, the rest.
-    fn set_share(
-        &mut self,
-        size: &Size,
-        i: usize,
-        n: Vec3,
-        visible: &mut Option<&mut dyn FnMut(&Piece) -> f32>,
-    ) {
-        let piece = &size.pieces[i];
-        (self.whole[i], self.part[i]) = size.portal_part(piece, n, self);
-        self.share[i] = match visible {
-            Some(visible) if self.whole[i] > 0.0 => visible(piece),
-            Some(_) => 0.0,
-            None => self.texels[i] / self.whole[i].max(f32::MIN_POSITIVE),
-        };
+    fn set_share(&mut self, size: &Size, i: usize, n: Vec3) {
+        (self.whole[i], self.part[i]) = size.portal_part(&size.pieces[i], n, self);
+        self.share[i] = self.texels[i] / self.whole[i].max(f32::MIN_POSITIVE);
     }
 
     fn cones(&self) -> impl Iterator<Item = &[Vec3]> {

@@ -1,17 +1,17 @@
 //! Suns between vertices: what the light of small discs is at a point of a triangle, sharper than interpolation has it.
 //!
 //! The portal's rim is known from any point, not from vertices alone. What else hides the disc is told by the rows of the
-//! triangle's corners: T/F of a texel is the share of it that is visible. If what hides it is at x = p + t ω, ω the middle
-//! of a texel of point p, corner v sees it in the direction x - v; a texel about that covers parts of up to four of its
-//! own, each cut by the edge of a shadow, whose T and F are added up:
+//! triangle's corners: T/F of a texel is the share of it that is visible, and where it is partial, the edge of the shadow
+//! in it is found as at a vertex ([`beam`](super::beam)). If what hides the disc is at x = p + t ω, ω a direction from
+//! point p to the disc, corner v sees it in the direction x - v. So it sees a disc of its own, whose T and F are added up
+//! over its texels, cut by their edges, and
 //!
 //! ```text
-//! share = Σ over corners w T(v, x - v) / Σ over corners w F(v, x - v)
+//! E = E if only the portal's rim hid the disc x Σ over corners w T(v) / Σ over corners w F(v)
 //! ```
 //!
 //! How far t is, rows do not say; but seen at the right distance the corners agree. Some distances are tried for each
-//! triangle, as parts and multiples of the way to the window's plane, and that one is taken at which they do most. Then
-//! the edge of the shadow is found as at a vertex ([`beam`](super::beam)).
+//! triangle, as parts and multiples of the way to the window's plane, and that one is taken at which they do most.
 //!
 //! Where it breaks: where things at several distances hide the disc, those at others are blurred between the corners, as
 //! plain interpolation has it; what no corner sees, as a leaf's shadow smaller than a triangle, is not there.
@@ -21,7 +21,7 @@ use glam::{Vec2, Vec3};
 use super::beam::{Beam, Cut, Panes, Receivers, Scratch, way_of_growth, weight};
 use super::{Lit, PortalFrame, Shaft};
 use crate::cubemap::footprint::{Eye, Footprint};
-use crate::cubemap::{face_axes, n_texels, on_face};
+use crate::cubemap::{self, face_axes, n_texels, on_face};
 use crate::sparse::{Rows, decode};
 
 /// A point on a triangle, and of how much around it the mean is wanted.
@@ -67,7 +67,11 @@ struct Corner {
     footprint: Footprint,
     order: Vec<u32>,
     start: Vec<u32>,
+    position: Vec3,
     normal: Vec3,
+    /// Room for a disc, and its texels.
+    disc: Vec<Vec3>,
+    pieces: Footprint,
 }
 
 /// What of a texel is lit.
@@ -79,7 +83,7 @@ enum Edge {
     Line(Vec3),
 }
 
-/// Less of what the portal sends to the corners than this, of all texels in the mean, says nothing.
+/// Less than this part of what the disc sends through the window to the point says nothing, where corners see it.
 const LEAST: f32 = 1e-3;
 
 /// Distances that are tried, as parts of the way to the window's plane.
@@ -174,38 +178,37 @@ impl Known {
             self.arrivals.iter().zip(point.weights).map(|((seen, _), weight)| weight * seen).sum();
         let spot = (p, point.mean(receivers.normal).normalize_or_zero(), point.radius);
         let window = (panes, receivers);
-        let is_whole = self.arrivals.iter().all(|(seen, open)| *open > 0.0 && *seen >= WHOLE * open);
-        let sharp = if is_whole {
-            beam.transfer_to_point(spot, n_open == 3, window, scratch, &mut |_| 1.0)
-        } else {
-            let depth = match self.depth {
-                Some(depth) => depth,
-                None => {
-                    for (corner, v) in self.corners.iter_mut().zip(vertices) {
-                        corner.learn((beam, panes), rows, (place(v), receivers.normal[v].into()), v);
-                    }
-                    *self.depth.insert(find_depth(
-                        &mut self.corners,
-                        beam,
-                        window,
-                        (point.corners, rows.n()),
-                        scratch,
-                    ))
-                }
-            };
-            let mut share = |direction: Vec3| {
-                let (mut light, mut whole) = (0.0, 0.0);
-                for ((corner, v), weight) in self.corners.iter_mut().zip(vertices).zip(point.weights) {
-                    let (t, f) = corner.look(rows.n(), depth.seen_from(p, direction, place(v)));
-                    light += weight * t;
-                    whole += weight * f;
-                }
-                let least = LEAST / n_texels(rows.n()) as f32;
-                if whole > least { light / whole } else { 0.0 }
-            };
-            beam.transfer_to_point(spot, n_open == 3, window, scratch, &mut share)
+        let Some((open, rim)) = beam.open_transfer(spot, n_open == 3, window, scratch) else {
+            return -plain * radiance;
         };
-        (sharp - plain) * radiance
+        if self.arrivals.iter().all(|(seen, open)| *open > 0.0 && *seen >= WHOLE * open) {
+            return (open - plain) * radiance;
+        }
+        let depth = match self.depth {
+            Some(depth) => depth,
+            None => {
+                for (corner, v) in self.corners.iter_mut().zip(vertices) {
+                    corner.learn((beam, panes), rows, (place(v), receivers.normal[v].into()), v);
+                }
+                *self.depth.insert(find_depth(
+                    &mut self.corners,
+                    beam,
+                    window,
+                    (point.corners, rows.n()),
+                    scratch,
+                ))
+            }
+        };
+        let (mut light, mut whole) = (0.0, 0.0);
+        for (corner, weight) in self.corners.iter_mut().zip(point.weights).filter(|(_, weight)| *weight > 0.0)
+        {
+            let at = corner.position;
+            let (t, f) = corner.see(rows.n(), rim.iter().map(|d| depth.seen_from(p, *d, at)));
+            light += weight * t;
+            whole += weight * f;
+        }
+        let share = if whole > LEAST * open { (light / whole).min(1.0) } else { 0.0 };
+        (share * open - plain) * radiance
     }
 }
 
@@ -288,7 +291,7 @@ impl Corner {
             }
         }
         self.footprint.cells.iter().for_each(|cell| self.whole[cell.texel] += cell.worth);
-        self.normal = n;
+        (self.position, self.normal) = (p, n);
         self.order.clear();
         self.order.extend(0..self.footprint.cells.len() as u32);
         self.order.sort_unstable_by_key(|&c| (self.footprint.cells[c as usize].texel, c));
@@ -301,6 +304,42 @@ impl Corner {
         self.share.extend(light.iter().zip(&self.whole).map(share));
         self.edges.clear();
         self.edges.resize(n_texels(side), None);
+    }
+
+    /// T and F of a convex polygon, by directions to its corners.
+    fn see(&mut self, n: usize, directions: impl Iterator<Item = Vec3>) -> (f32, f32) {
+        self.disc.clear();
+        self.disc.extend(directions);
+        let mut pieces = std::mem::take(&mut self.pieces);
+        pieces.clear();
+        pieces.add_polygon(&Eye { origin: Vec3::ZERO, normal: self.normal, n }, 0, &self.disc);
+        let (mut light, mut whole) = (0.0, 0.0);
+        for piece in &pieces.cells {
+            let (face, [column, row]) = cubemap::place(n, piece.texel);
+            if self.start[piece.texel] == self.start[piece.texel + 1] {
+                continue;
+            }
+            let horizon = flat(face, self.normal);
+            let edge = self.edge(n, [face, column, row]);
+            let cells = &self.order[self.start[piece.texel] as usize..self.start[piece.texel + 1] as usize];
+            for cell in cells {
+                let cell = self.footprint.points(&self.footprint.cells[*cell as usize]);
+                let part = within(Cut::new(pieces.points(piece)), cell);
+                let all = part.worth(horizon);
+                whole += all;
+                light += edge.lit(&part, all, horizon);
+            }
+        }
+        self.pieces = pieces;
+        (light, whole)
+    }
+
+    /// Where the shadow's edge is in a texel.
+    fn edge(&mut self, n: usize, place: [usize; 3]) -> Edge {
+        let texel = (place[0] * n + place[2]) * n + place[1];
+        let edge = self.edges[texel].unwrap_or_else(|| self.find_edge(n, place));
+        self.edges[texel] = Some(edge);
+        edge
     }
 
     /// T and F of a square as large as a texel about a direction.
@@ -318,8 +357,7 @@ impl Corner {
             if self.start[texel] == self.start[texel + 1] {
                 continue;
             }
-            let edge = self.edges[texel].unwrap_or_else(|| self.find_edge(n, place));
-            self.edges[texel] = Some(edge);
+            let edge = self.edge(n, place);
             for cell in self.cells(texel) {
                 let part = [
                     Vec3::new(1.0, 0.0, -from.x),
@@ -331,10 +369,7 @@ impl Corner {
                 .fold(cell, |part, side| part.clipped(*side));
                 let all = part.worth(horizon);
                 whole += all;
-                light += match edge {
-                    Edge::Even(share) => share * all,
-                    Edge::Line(side) => part.clipped(side).worth(horizon),
-                };
+                light += edge.lit(&part, all, horizon);
             }
         }
         (light, whole)
@@ -387,6 +422,28 @@ impl Corner {
         }
         Edge::Line(way.extend(-0.5 * (low + high)))
     }
+}
+
+impl Edge {
+    /// What of a part of the texel, worth `all`, is lit.
+    fn lit(self, part: &Cut, all: f32, horizon: Vec3) -> f32 {
+        match self {
+            Edge::Even(share) => share * all,
+            Edge::Line(side) => part.clipped(side).worth(horizon),
+        }
+    }
+}
+
+/// The part of a convex polygon in another.
+fn within(part: Cut, polygon: &[Vec2]) -> Cut {
+    let middle = polygon.iter().sum::<Vec2>() / polygon.len().max(1) as f32;
+    let next = polygon.iter().cycle().skip(1);
+    polygon.iter().zip(next).fold(part, |part, (a, b)| {
+        let along = *b - *a;
+        let side = Vec3::new(-along.y, along.x, along.y * a.x - along.x * a.y);
+        let side = if side.dot(middle.extend(1.0)) < 0.0 { -side } else { side };
+        part.clipped(side)
+    })
 }
 
 /// A normal in a face's coordinates.

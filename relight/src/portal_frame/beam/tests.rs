@@ -212,8 +212,8 @@ fn between_vertices_a_disc_is_as_sharp_as_at_them() {
                     plain + more
                 };
                 let corner = at([1.0, 0.0, 0.0]);
-                // Shares there are over F as a bake has it, here over the middle's value in cut texels.
-                assert!((corner - direct[v][1]).abs() < 5e-3, "{v}: {corner} {}", direct[v][1]);
+                // Where all is seen in part, rows' rounding to 8 bits makes edges of different trust: power 1.
+                assert!((corner - direct[v][1]).abs() < 0.02, "{v}: {corner} {}", direct[v][1]);
                 let weights = [0.5, 0.2, 0.3];
                 let mean = |of: &[[f32; 3]]| -> Vec3 {
                     corners.iter().zip(weights).map(|(v, w)| w * Vec3::from(of[*v as usize])).sum()
