@@ -46,7 +46,7 @@ fn main() {
         }
     }
     bounced("bounced, SH order 4, 45000 vertices", 45_000, 48);
-    linked("bounced, 160 links, 45000 vertices", 45_000, 160);
+    linked("bounced, 192 links, 45000 vertices", 45_000, 192);
     println!("\n{:<44} {:>9}", "once per frame and portal, N = 32", "µs");
     shell();
 }

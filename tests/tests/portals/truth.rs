@@ -1,5 +1,5 @@
 //! Interiors and skies in sparse rows against the path-traced reference, at vertices within flat faces: there both see
-//! the same point. What is between vertices is judged by the command `compare`.
+//! the same point. Between vertices suns are held to it, all else is judged by the command `compare`.
 
 use glam::Vec3;
 use lunette_bake::{Basis, Options};
@@ -144,14 +144,14 @@ fn sun_in_a_room_matches_the_reference() {
 }
 
 /// Suns of a tenth of a radian and of half a degree, through walls 0.25 m and 0.6 m thick whose outer edges bound half of
-/// each spot: what is left is the noise of the rows' rays at edges of shadows (found 0.008 and 0.010; with 512 rays, 0.019), and for the small
-/// sun the mean over a vertex's cell in place of the vertex.
+/// each spot: what is left is the noise of the rows' rays at edges of shadows (found 0.004 and 0.005), and for the small sun
+/// the mean over a vertex's cell in place of the vertex (0.030).
 #[test]
 fn suns_are_as_sharp_as_the_window() {
     let cases = [
-        ("box-room:window-width=3,window-height=2,edge=0.1", "cap:-1,0.5,0.1,0.1,100", 0.015),
+        ("box-room:window-width=3,window-height=2,edge=0.1", "cap:-1,0.5,0.1,0.1,100", 0.01),
         ("box-room:window-width=3,window-height=2,edge=0.1", "cap:-1,0.5,0.1,0.004653,40000", 0.04),
-        ("chapel:bays=1,edge=0.25", "cap:0.123,0.707,0.696,0.1,100", 0.02),
+        ("chapel:bays=1,edge=0.25", "cap:0.123,0.707,0.696,0.1,100", 0.015),
     ];
     for (name, spec, bound) in cases {
         let interior = built(name);
@@ -177,7 +177,8 @@ fn without_group(scene: &mut Scene, name: &str) {
     mesh.group.retain(|g| *g != group);
 }
 
-/// In the middles of triangles 0.3 m wide, in an empty room of walls 0.25 m thick.
+/// In the middles of triangles 0.3 m wide, in an empty room of walls 0.25 m thick: found 0.0044 and 0.024, where
+/// interpolation is 0.052 and 0.17 off.
 #[test]
 fn between_vertices_suns_are_as_sharp_as_the_window() {
     let mut interior = built("box-room:window-width=3,window-height=2,edge=0.3");
