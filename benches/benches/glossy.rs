@@ -18,12 +18,12 @@ use lunette_relight::asset::Asset;
 use lunette_relight::glossy::{Glossy, HIGHEST_EXPONENT};
 use lunette_relight::indirect::Indirect;
 use lunette_relight::light::{Light, Sky, Source};
-use lunette_relight::portal_frame::{Detail, Point, PortalFrame};
+use lunette_relight::portal_frame::PortalFrame;
 use lunette_relight::shell::{Material, Shell};
 use lunette_render::{
-    Backdrop, Camera, Gloss, Image, ReferenceOptions, Scale, Spot, Surface, Tracer, Visibility,
-    auto_exposure, capture, difference, error_picture, noise, read_image, reference_image, seen_discs,
-    tone_map, trace, write_exr, write_png,
+    Backdrop, Camera, Gloss, Image, ReferenceOptions, Scale, Surface, Tracer, Visibility, auto_exposure,
+    capture, difference, error_picture, noise, read_image, reference_image, seen_discs, tone_map, trace,
+    write_exr, write_png,
 };
 use lunette_scenes::{Portal, Scene, builtin, take_portals};
 
@@ -243,7 +243,7 @@ impl Frame<'_> {
         }
         let mut irradiance = vec![[0.0; 3]; self.asset.n_vertices()];
         let relit = least(ROUNDS, || frame.irradiance_parallel(&mut irradiance));
-        let surface = &surface(self.asset);
+        let surface = surface(self.asset);
         let mut radiance: Vec<Vec3> = irradiance
             .iter()
             .zip(surface.albedo)
@@ -269,14 +269,7 @@ impl Frame<'_> {
                 radiance[v as usize] += Vec3::from(s);
             }
         }
-        let more = || {
-            let mut detail = Detail::new(&frame);
-            move |spot: &Spot| {
-                let corners = surface.index[spot.triangle];
-                detail.at(&Point { corners, weights: spot.weights, radius: spot.radius }).into()
-            }
-        };
         let background = |d| self.light.radiance(d);
-        self.visibility.shade_in_detail(surface, &radiance, Some(more), background).expect("a picture")
+        self.visibility.shade_through(Some(&frame), &surface, &radiance, background).expect("a picture")
     }
 }

@@ -4,8 +4,8 @@ use anyhow::{Context, Result, anyhow, ensure};
 use glam::Vec3;
 use lunette_relight::asset::Asset;
 use lunette_relight::light::Light;
-use lunette_relight::portal_frame::{Detail, Point, PortalFrame};
-use lunette_render::{Camera, Exposure, Image, Spot, Surface, Tracer, Visibility};
+use lunette_relight::portal_frame::PortalFrame;
+use lunette_render::{Camera, Exposure, Image, Surface, Tracer, Visibility};
 
 use crate::args::PictureOptions;
 
@@ -86,20 +86,8 @@ pub struct Around<'a> {
 
 /// The picture of vertices that send out this radiance; those of the asset come first.
 pub fn shade(visibility: &Visibility, surface: &Surface, radiance: &[Vec3], around: Around) -> Result<Image> {
-    let background = |d| around.light.radiance(d);
-    let more = around.portals.map(|frame| {
-        move || {
-            let mut detail = Detail::new(frame);
-            move |spot: &Spot| {
-                let corners = surface.index[spot.triangle];
-                let is_of_asset = corners.iter().all(|v| (*v as usize) < frame.n_vertices());
-                let point = Point { corners, weights: spot.weights, radius: spot.radius };
-                if is_of_asset { Vec3::from(detail.at(&point)) } else { Vec3::ZERO }
-            }
-        }
-    });
     visibility
-        .shade_in_detail(surface, radiance, more, background)
+        .shade_through(around.portals, surface, radiance, |d| around.light.radiance(d))
         .map_err(|e| anyhow!("{e}"))
         .context("picture")
 }

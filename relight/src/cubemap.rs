@@ -49,6 +49,11 @@ pub fn face_axes(face: usize) -> [Vec3; 3] {
     [[x, -z, -y], [-x, z, -y], [y, x, z], [-y, x, -z], [z, x, -y], [-z, -x, -y]][face]
 }
 
+/// A vector in the coordinates of a face with these axes: along columns, along rows, towards its middle.
+pub(crate) fn flat([axis, s, t]: [Vec3; 3], v: Vec3) -> Vec3 {
+    Vec3::new(v.dot(s), v.dot(t), v.dot(axis))
+}
+
 /// The texel that a direction of any length falls into; always below 6 n².
 #[inline]
 pub fn texel_of(n: usize, d: Vec3) -> usize {

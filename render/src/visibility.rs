@@ -14,6 +14,7 @@ use crate::reference::hash;
 use crate::tracer::{Surface, Tracer, lambert};
 use glam::{Vec2, Vec3};
 use lunette_ffi::{Hits, Mask, NO_HIT, Packet, Ray};
+use lunette_relight::portal_frame::{Detail, Point, PortalFrame};
 use rayon::prelude::*;
 
 /// Rays per side of a pixel's grid.
@@ -53,17 +54,6 @@ struct Share {
     inner: Vec2,
 }
 
-/// The middle of what a pixel sees of a triangle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spot {
-    /// Which one.
-    pub triangle: usize,
-    /// Of its corners, at least 0; they add up to 1.
-    pub weights: [f32; 3],
-    /// Of a disc as large as what is seen, metres.
-    pub radius: f32,
-}
-
 /// Traces a picture of `width` x `height` pixels.
 ///
 /// # Errors
@@ -101,19 +91,19 @@ impl Visibility {
         radiance: &[Vec3],
         background: impl Fn(Vec3) -> Vec3 + Sync,
     ) -> Result<Image, Error> {
-        self.shade_in_detail(surface, radiance, None::<fn() -> fn(&Spot) -> Vec3>, background)
+        self.shade_through(None, surface, radiance, background)
     }
 
-    /// As [`shade`](Self::shade), with irradiance `more` that each part of a triangle has beyond what is interpolated from
-    /// its vertices, and that may be below 0. `more` makes what is asked for it, one for a thread, triangle after triangle.
+    /// As [`shade`](Self::shade), with suns through these portals as sharp as [`Detail`] has them on the triangles of their
+    /// asset, whose vertices come first.
     ///
     /// # Errors
     /// As [`shade`](Self::shade).
-    pub fn shade_in_detail<M: FnMut(&Spot) -> Vec3>(
+    pub fn shade_through(
         &self,
+        portals: Option<&PortalFrame>,
         surface: &Surface,
         radiance: &[Vec3],
-        more: Option<impl Fn() -> M + Sync>,
         background: impl Fn(Vec3) -> Vec3 + Sync,
     ) -> Result<Image, Error> {
         if radiance.len() != surface.position.len() {
@@ -122,20 +112,17 @@ impl Visibility {
                 what: format!("picture: {found} radiances for {expected} vertices"),
             });
         }
-        let more = self.more(surface, more);
+        let more = portals.map_or_else(Vec::new, |portals| self.more(portals, surface));
         let shade = |(i, share): (usize, &Share)| match share.triangle {
             BACKGROUND => share.weight * background(self.direction(share)),
             triangle => {
                 let [a, b, c] = surface.index[triangle as usize].map(|v| radiance[v as usize]);
-                let plain = (share.weight - share.inner.x - share.inner.y) * a
-                    + share.inner.x * b
-                    + share.inner.y * c;
+                let of_pixel = share.weights().map(|weight| share.weight * weight);
+                let plain = mean(of_pixel, [a, b, c]);
                 match more.get(i) {
                     Some(more) if *more != Vec3::ZERO => {
-                        let spot = self.spot(surface, share);
-                        let corners = surface.index[triangle as usize].map(|v| surface.albedo[v as usize]);
-                        let albedo = corners.iter().zip(spot.weights).map(|(c, weight)| weight * *c).sum();
-                        (plain + share.weight * lambert(albedo, *more)).max(Vec3::ZERO)
+                        let albedo = surface.index[triangle as usize].map(|v| surface.albedo[v as usize]);
+                        (plain + lambert(mean(of_pixel, albedo), *more)).max(Vec3::ZERO)
                     }
                     _ => plain,
                 }
@@ -159,45 +146,57 @@ impl Visibility {
         shares.map(|s| s.iter().filter(|s| s.triangle != BACKGROUND).map(|s| s.weight).sum()).collect()
     }
 
-    /// What shares have beyond interpolation; empty where nothing is asked for.
-    fn more<M: FnMut(&Spot) -> Vec3>(
-        &self,
-        surface: &Surface,
-        more: Option<impl Fn() -> M + Sync>,
-    ) -> Vec<Vec3> {
-        let Some(more) = more else { return Vec::new() };
-        let mut order: Vec<u32> = (0..self.shares.len() as u32)
-            .filter(|&i| self.shares[i as usize].triangle != BACKGROUND)
-            .collect();
+    /// Irradiance that shares have beyond what is interpolated, asked for triangle after triangle.
+    fn more(&self, portals: &PortalFrame, surface: &Surface) -> Vec<Vec3> {
+        let is_of_asset = |share: &Share| {
+            let corners = surface.index.get(share.triangle as usize);
+            corners.is_some_and(|c| c.iter().all(|v| (*v as usize) < portals.n_vertices()))
+        };
+        let mut order: Vec<u32> =
+            (0..self.shares.len() as u32).filter(|&i| is_of_asset(&self.shares[i as usize])).collect();
         order.par_sort_unstable_by_key(|&i| (self.shares[i as usize].triangle, i));
-        let found: Vec<Vec3> = order
+        let found: Vec<[f32; 3]> = order
             .par_iter()
             .with_min_len(LEAST_SHARES)
-            .map_init(&more, |more, &i| more(&self.spot(surface, &self.shares[i as usize])))
+            .map_init(
+                || Detail::new(portals),
+                |detail, &i| detail.at(&self.point(surface, &self.shares[i as usize])),
+            )
             .collect();
         let mut all = vec![Vec3::ZERO; self.shares.len()];
-        order.into_iter().zip(found).for_each(|(i, more)| all[i as usize] = more);
+        order.into_iter().zip(found).for_each(|(i, more)| all[i as usize] = more.into());
         all
     }
 
-    /// What a share sees of its triangle.
-    fn spot(&self, surface: &Surface, share: &Share) -> Spot {
-        let Vec2 { x, y } = share.inner / share.weight;
-        let weights = [1.0 - x - y, x, y];
-        let [a, b, c] = surface.index[share.triangle as usize].map(|v| surface.position[v as usize]);
-        let to = weights[0] * a + x * b + y * c - self.view.eye;
+    /// The middle of what a share sees of its triangle, and a disc as large as that.
+    fn point(&self, surface: &Surface, share: &Share) -> Point {
+        let (corners, weights) = (surface.index[share.triangle as usize], share.weights());
+        let [a, b, c] = corners.map(|v| surface.position[v as usize]);
+        let to = mean(weights, [a, b, c]) - self.view.eye;
         let normal = (b - a).cross(c - a).normalize_or_zero();
         let way = to.length();
         // Seen edge on, a pixel is long and narrow: a disc of its area would be too wide.
         let slope = (normal.dot(to).abs() / way).max(0.1);
         let area = share.weight * self.view.pixel_solid_angle(to / way) * way * way / slope;
-        Spot { triangle: share.triangle as usize, weights, radius: (area / std::f32::consts::PI).sqrt() }
+        Point { corners, weights, radius: (area / std::f32::consts::PI).sqrt() }
     }
 
     fn direction(&self, share: &Share) -> Vec3 {
         let place = share.inner / share.weight;
         self.view.direction(place.x, place.y)
     }
+}
+
+impl Share {
+    /// Of the triangle's corners; they add up to 1.
+    fn weights(&self) -> [f32; 3] {
+        let Vec2 { x, y } = self.inner / self.weight;
+        [1.0 - x - y, x, y]
+    }
+}
+
+fn mean(weights: [f32; 3], corners: [Vec3; 3]) -> Vec3 {
+    corners.into_iter().zip(weights).map(|(c, weight)| weight * c).sum()
 }
 
 /// One value for every pixel, row by row, computed in tiles.

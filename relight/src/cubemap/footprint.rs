@@ -11,7 +11,7 @@
 
 use glam::{DVec3, Vec2, Vec3};
 
-use super::face_axes;
+use super::{face_axes, flat};
 
 /// Nearest that a clipped polygon comes to the eye, as a share of its own distance scale.
 const NEAR: f32 = 1e-6;
@@ -100,8 +100,7 @@ impl Footprint {
     /// Adds all texels above the horizon.
     pub fn add_hemisphere(&mut self, eye: &Eye) {
         for face in 0..6 {
-            let [axis, s, t] = face_axes(face);
-            let normal = Vec3::new(eye.normal.dot(s), eye.normal.dot(t), eye.normal.dot(axis));
+            let normal = flat(face_axes(face), eye.normal);
             let [from, to] = &mut self.flat;
             from.clear();
             from.extend([Vec2::new(-1.0, -1.0), Vec2::new(1.0, -1.0), Vec2::ONE, Vec2::new(-1.0, 1.0)]);

@@ -33,7 +33,7 @@ use glam::{Vec2, Vec3};
 
 use crate::asset::{Asset, Data, Error};
 use crate::cubemap::footprint::{Eye, Footprint, clip_each, vector_area};
-use crate::cubemap::{face_axes, place};
+use crate::cubemap::{face_axes, flat, place};
 use crate::indirect::vertex_area;
 use crate::light::Cap;
 use crate::sparse::{Basis, Probe, Rows};
@@ -176,21 +176,37 @@ impl<'a> Receivers<'a> {
     }
 }
 
-/// Of a neighbour `to` there, by its F and one's own: shares of small parts are not less true, until they are very small.
-pub fn weight(whole: f32, own: f32, to: Vec2) -> f32 {
-    whole / (whole + SMALL * own) / to.length_squared()
+/// How shares grow around a texel, by least squares: sums over neighbours of weight x their places' squares, and of weight
+/// x growth x place.
+#[derive(Default)]
+pub struct Growth {
+    xx: f32,
+    xy: f32,
+    yy: f32,
+    growth: Vec2,
 }
 
-/// Where shares grow, by least squares: from the sums over neighbours of weight x their places' squares, and of weight x
-/// growth x place; and how much it looks like an edge, 0..=1.
-pub fn way_of_growth([xx, xy, yy]: [f32; 3], growth: Vec2) -> (Vec2, f32) {
-    // A little stiffness where texels lie on one line.
-    let stiff = 1e-3 * (xx + yy);
-    let (a, b) = (xx + stiff, yy + stiff);
-    let way = Vec2::new(b * growth.x - xy * growth.y, a * growth.y - xy * growth.x);
-    let way = way / (a * b - xy * xy).max(f32::MIN_POSITIVE);
-    let trust = ((way.length() - GROWTH.0) / (GROWTH.1 - GROWTH.0)).clamp(0.0, 1.0);
-    (way.normalize_or_zero(), trust)
+impl Growth {
+    /// A neighbour `to` there, by its F and one's own, with so much more of a share.
+    pub fn add(&mut self, to: Vec2, whole: f32, own: f32, more: f32) {
+        // Shares of small parts are not less true, until they are very small.
+        let weight = whole / (whole + SMALL * own) / to.length_squared();
+        self.xx += weight * to.x * to.x;
+        self.xy += weight * to.x * to.y;
+        self.yy += weight * to.y * to.y;
+        self.growth += weight * more * to;
+    }
+
+    /// Where they grow, and how much that looks like an edge, 0..=1.
+    pub fn way(&self) -> (Vec2, f32) {
+        // A little stiffness where texels lie on one line.
+        let stiff = 1e-3 * (self.xx + self.yy);
+        let (a, b, growth) = (self.xx + stiff, self.yy + stiff, self.growth);
+        let way = Vec2::new(b * growth.x - self.xy * growth.y, a * growth.y - self.xy * growth.x);
+        let way = way / (a * b - self.xy * self.xy).max(f32::MIN_POSITIVE);
+        let trust = ((way.length() - GROWTH.0) / (GROWTH.1 - GROWTH.0)).clamp(0.0, 1.0);
+        (way.normalize_or_zero(), trust)
+    }
 }
 
 /// What may be lost of a visible share in the row of this vertex.
@@ -341,26 +357,41 @@ impl Beam {
         place: (&Panes, &Rows),
         scratch: &mut Scratch,
     ) -> f32 {
-        self.arrival(v, receivers, place, scratch).0
+        let size = self.seen_from(v, receivers, place, scratch);
+        size.map_or(0.0, |size| size.transfer(receivers.normal[v].into(), rounding(place.1, v), scratch))
     }
 
-    /// As [`transfer`](Self::transfer), and what it would be if nothing but the portal's rim hid the disc; of a row
-    /// without any light that is not known, and 0.
+    /// As [`transfer`](Self::transfer), and what it would be if nothing but the portal's rim hid the disc; where that is
+    /// not asked for, of rows without light, 0.
     pub fn arrival(
+        &self,
+        v: usize,
+        receivers: &Receivers,
+        place: (&Panes, &Rows),
+        scratch: &mut Scratch,
+    ) -> (f32, f32) {
+        let Some(size) = self.seen_from(v, receivers, place, scratch) else { return (0.0, 0.0) };
+        let n = receivers.normal[v].into();
+        (size.transfer(n, rounding(place.1, v), scratch), size.open(n, scratch))
+    }
+
+    /// The disc as large as the cell of vertex `v` asks for, with its cones and T of its texels; `None` where none of it
+    /// can arrive.
+    fn seen_from(
         &self,
         v: usize,
         receivers: &Receivers,
         (panes, rows): (&Panes, &Rows),
         scratch: &mut Scratch,
-    ) -> (f32, f32) {
+    ) -> Option<&Size> {
         let (p, n) = (Vec3::from(receivers.position[v]), Vec3::from(receivers.normal[v]));
         let cosine = n.dot(self.disc.axis);
         if cosine <= -self.sizes[self.n_sizes - 1].radius.sin() {
-            return (0.0, 0.0);
+            return None;
         }
         let is_open = panes.is_open(v);
         if !is_open && (!panes.all.is_near(p, self.disc.axis, self.spread) || rows.is_dark(v)) {
-            return (0.0, 0.0);
+            return None;
         }
         if !is_open && panes.polygons.len() > GROUP {
             // A look at the row is sooner done than one at hundreds of polygons.
@@ -368,17 +399,13 @@ impl Beam {
             let texels = &mut scratch.texels[..size.pieces.len()];
             rows.probe(v, &size.probe, texels);
             if texels[..size.n_touched].iter().all(|t| *t <= 0.0) {
-                return (0.0, 0.0);
+                return None;
             }
         }
-        let Some(size) =
-            self.size(p, is_open, receivers.cell[v] * cosine.max(0.0).sqrt(), (panes, receivers), scratch)
-        else {
-            return (0.0, 0.0);
-        };
+        let across = receivers.cell[v] * cosine.max(0.0).sqrt();
+        let size = self.size(p, is_open, across, (panes, receivers), scratch)?;
         rows.probe(v, &size.probe, &mut scratch.texels[..size.pieces.len()]);
-        let seen = size.transfer(n, rounding(rows, v), scratch);
-        (seen, size.power * scratch.part[..size.n_touched].iter().sum::<f32>())
+        Some(size)
     }
 
     /// As [`transfer`](Self::transfer), of a point with this normal, the mean over so many metres around it, if nothing but
@@ -396,9 +423,7 @@ impl Beam {
             return None;
         }
         let size = self.size(p, is_open, around * cosine.max(0.0).sqrt(), place, scratch)?;
-        let touched = &size.pieces[..size.n_touched];
-        let open =
-            size.power * touched.iter().map(|piece| size.portal_part(piece, n, scratch).1).sum::<f32>();
+        let open = size.open(n, scratch);
         (open > 0.0).then_some((open, &size.rim))
     }
 
@@ -546,9 +571,13 @@ impl Size {
     fn transfer(&self, n: Vec3, rounding: f32, scratch: &mut Scratch) -> f32 {
         let mut is_plain = true;
         for i in 0..self.n_touched {
-            scratch.set_share(self, i, n);
-            let share = scratch.share[i];
-            is_plain &= share <= CLEAR * rounding || share >= 1.0 - CLEAR * rounding;
+            if scratch.texels[i] > 0.0 {
+                scratch.set_share(self, i, n);
+                let share = scratch.share[i];
+                is_plain &= share <= CLEAR * rounding || share >= 1.0 - CLEAR * rounding;
+            } else {
+                (scratch.share[i], scratch.part[i]) = (0.0, 0.0);
+            }
         }
         let rounded = |share: f32| match share {
             share if share < rounding => 0.0,
@@ -559,8 +588,12 @@ impl Size {
             let parts = scratch.share.iter().zip(&scratch.part).take(self.n_touched);
             return self.power * parts.map(|(share, part)| rounded(*share) * part).sum::<f32>();
         }
-        // Now the texels around are asked for the edge's way.
-        (self.n_touched..self.pieces.len()).for_each(|i| scratch.set_share(self, i, n));
+        // Now the dark ones and the texels around are asked for the edge's way.
+        for i in 0..self.pieces.len() {
+            if i >= self.n_touched || scratch.texels[i] <= 0.0 {
+                scratch.set_share(self, i, n);
+            }
+        }
         let scratch = &*scratch;
         let lit = |i: usize| {
             let (share, part) = (scratch.share[i], scratch.part[i]);
@@ -571,6 +604,12 @@ impl Size {
             }
         };
         self.power * (0..self.n_touched).map(lit).sum::<f32>()
+    }
+
+    /// What would arrive if nothing but the portal's rim hid the disc.
+    fn open(&self, n: Vec3, scratch: &Scratch) -> f32 {
+        let touched = &self.pieces[..self.n_touched];
+        self.power * touched.iter().map(|piece| self.portal_part(piece, n, scratch).1).sum::<f32>()
     }
 
     /// Of a texel and of the disc's part in it what lies within the portal.
@@ -589,21 +628,16 @@ impl Size {
     /// `plain` where the texels around do not tell which side is lit.
     fn lit_part(&self, i: usize, plain: f32, normal: Vec3, scratch: &Scratch) -> f32 {
         let (piece, share) = (&self.pieces[i], scratch.share[i]);
-        let (mut xx, mut xy, mut yy, mut growth) = (0.0, 0.0, 0.0, Vec2::ZERO);
+        let mut growth = Growth::default();
         for (k, other) in self.pieces.iter().enumerate() {
             let to =
                 Vec2::new(other.column as f32 - piece.column as f32, other.row as f32 - piece.row as f32);
             if other.face != piece.face || to.abs().max_element() != 1.0 {
                 continue;
             }
-            let weight = weight(scratch.whole[k], scratch.whole[i], to);
-            let more = scratch.share[k].min(1.0) - share;
-            xx += weight * to.x * to.x;
-            xy += weight * to.x * to.y;
-            yy += weight * to.y * to.y;
-            growth += weight * more * to;
+            growth.add(to, scratch.whole[k], scratch.whole[i], scratch.share[k].min(1.0) - share);
         }
-        let (way, trust) = way_of_growth([xx, xy, yy], growth);
+        let (way, trust) = growth.way();
         if trust == 0.0 {
             return plain;
         }
@@ -615,7 +649,7 @@ impl Size {
                 Within::All => (Cut::new(&piece.corners), Cut::new(&self.points[piece.points.clone()])),
                 Within::Cut(whole, part) => (whole, part),
             };
-            lit += part.clipped(whole.line(way, share, horizon)).worth(horizon);
+            lit += part.clipped(line(&[whole], way, share, horizon)).worth(horizon);
         }
         trust * lit + (1.0 - trust) * plain
     }
@@ -676,8 +710,7 @@ impl Piece {
 
     /// The normal of a plane through the vertex, in the face's coordinates.
     fn flat(&self, side: Vec3) -> Vec3 {
-        let [axis, s, t] = self.axes;
-        Vec3::new(side.dot(s), side.dot(t), side.dot(axis))
+        flat(self.axes, side)
     }
 }
 
@@ -780,19 +813,6 @@ impl Cut {
         to
     }
 
-    /// The line across `way` that leaves this share before it, as a side.
-    fn line(&self, way: Vec2, share: f32, horizon: Vec3) -> Vec3 {
-        let along = self.points[..self.n].iter().map(|p| p.dot(way));
-        let (mut low, mut high) = along.fold((f32::MAX, f32::MIN), |(l, h), x| (l.min(x), h.max(x)));
-        let wanted = share * self.worth(horizon);
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (low + high);
-            let left = self.clipped(way.extend(-middle)).worth(horizon);
-            if left > wanted { low = middle } else { high = middle }
-        }
-        way.extend(-0.5 * (low + high))
-    }
-
     /// ∫ max(n·ω, 0) dω, the middle's value taken for all.
     pub fn worth(&self, normal: Vec3) -> f32 {
         let points = &self.points[..self.n];
@@ -810,6 +830,19 @@ impl Cut {
         let d = (origin + centre / area).extend(1.0);
         (area.abs() * normal.dot(d) / d.length_squared().powi(2)).max(0.0)
     }
+}
+
+/// The line across `way` that leaves this share of some polygons together before it, as a side.
+pub fn line(cuts: &[Cut], way: Vec2, share: f32, horizon: Vec3) -> Vec3 {
+    let along = cuts.iter().flat_map(|cut| &cut.points[..cut.n]).map(|p| p.dot(way));
+    let (mut low, mut high) = along.fold((f32::MAX, f32::MIN), |(l, h), x| (l.min(x), h.max(x)));
+    let wanted = share * cuts.iter().map(|cut| cut.worth(horizon)).sum::<f32>();
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        let left: f32 = cuts.iter().map(|cut| cut.clipped(way.extend(-middle)).worth(horizon)).sum();
+        if left > wanted { low = middle } else { high = middle }
+    }
+    way.extend(-0.5 * (low + high))
 }
 
 #[cfg(test)]

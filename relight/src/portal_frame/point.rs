@@ -18,10 +18,10 @@
 
 use glam::{Vec2, Vec3};
 
-use super::beam::{Beam, Cut, Panes, Receivers, Scratch, way_of_growth, weight};
+use super::beam::{Beam, Cut, Growth, Panes, Receivers, Scratch, line};
 use super::{Lit, PortalFrame, Shaft};
 use crate::cubemap::footprint::{Eye, Footprint};
-use crate::cubemap::{self, face_axes, n_texels, on_face};
+use crate::cubemap::{self, face_axes, flat, n_texels, on_face};
 use crate::sparse::{Rows, decode};
 
 /// A point on a triangle, and of how much around it the mean is wanted.
@@ -103,9 +103,6 @@ const WIDEST: f32 = 0.92;
 
 /// A texel is taken for lit or dark within this.
 const LEAST_SHARE: f32 = 0.01;
-
-/// Steps by which the edge is found that leaves a given share, to 1/1024 of a texel.
-const HALVINGS: usize = 12;
 
 /// Seen to this part a disc is seen whole.
 const WHOLE: f32 = 0.999;
@@ -319,11 +316,9 @@ impl Corner {
             if self.start[piece.texel] == self.start[piece.texel + 1] {
                 continue;
             }
-            let horizon = flat(face, self.normal);
+            let horizon = flat(face_axes(face), self.normal);
             let edge = self.edge(n, [face, column, row]);
-            let cells = &self.order[self.start[piece.texel] as usize..self.start[piece.texel + 1] as usize];
-            for cell in cells {
-                let cell = self.footprint.points(&self.footprint.cells[*cell as usize]);
+            for cell in self.cells(piece.texel) {
                 let part = within(Cut::new(pieces.points(piece)), cell);
                 let all = part.worth(horizon);
                 whole += all;
@@ -346,39 +341,18 @@ impl Corner {
     fn look(&mut self, n: usize, direction: Vec3) -> (f32, f32) {
         let (face, at) = on_face(n, direction);
         let low = (at - 0.5).clamp(Vec2::ZERO, Vec2::splat(n as f32 - 1.0));
-        let first = low.floor().min(Vec2::splat(n as f32 - 2.0));
-        let horizon = flat(face, self.normal);
-        let to_face = |x: f32| x * (2.0 / n as f32) - 1.0;
-        let (from, to) = (low.map(to_face), (low + 1.0).map(to_face));
-        let (mut light, mut whole) = (0.0, 0.0);
-        for (column, row) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let place = [face, first.x as usize + column, first.y as usize + row];
-            let texel = (face * n + place[2]) * n + place[1];
-            if self.start[texel] == self.start[texel + 1] {
-                continue;
-            }
-            let edge = self.edge(n, place);
-            for cell in self.cells(texel) {
-                let part = [
-                    Vec3::new(1.0, 0.0, -from.x),
-                    Vec3::new(0.0, 1.0, -from.y),
-                    Vec3::new(-1.0, 0.0, to.x),
-                    Vec3::new(0.0, -1.0, to.y),
-                ]
-                .iter()
-                .fold(cell, |part, side| part.clipped(*side));
-                let all = part.worth(horizon);
-                whole += all;
-                light += edge.lit(&part, all, horizon);
-            }
-        }
-        (light, whole)
+        let [axis, s, t] = face_axes(face);
+        let corners = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y].map(|corner| {
+            let p = (low + corner) * (2.0 / n as f32) - 1.0;
+            axis + p.x * s + p.y * t
+        });
+        self.see(n, corners.into_iter())
     }
 
     /// What of a texel the portal takes up.
-    fn cells(&self, texel: usize) -> impl Iterator<Item = Cut> {
+    fn cells(&self, texel: usize) -> impl Iterator<Item = &[Vec2]> {
         let cells = &self.order[self.start[texel] as usize..self.start[texel + 1] as usize];
-        cells.iter().map(|&c| Cut::new(self.footprint.points(&self.footprint.cells[c as usize])))
+        cells.iter().map(|&c| self.footprint.points(&self.footprint.cells[c as usize]))
     }
 
     /// Where the shadow's edge is in a texel, by the shares of those around it on its face.
@@ -388,39 +362,22 @@ impl Corner {
         if own <= LEAST_SHARE || own >= 1.0 - LEAST_SHARE {
             return Edge::Even(own);
         }
-        let (mut xx, mut xy, mut yy, mut growth) = (0.0, 0.0, 0.0, Vec2::ZERO);
+        let mut growth = Growth::default();
         for y in row.saturating_sub(1)..(row + 2).min(n) {
             for x in column.saturating_sub(1)..(column + 2).min(n) {
                 let to = Vec2::new(x as f32 - column as f32, y as f32 - row as f32);
                 let share = self.share[at(x, y)];
                 if share.is_finite() && to != Vec2::ZERO {
-                    let weight = weight(self.whole[at(x, y)], self.whole[at(column, row)], to);
-                    xx += weight * to.x * to.x;
-                    xy += weight * to.x * to.y;
-                    yy += weight * to.y * to.y;
-                    growth += weight * (share - own) * to;
+                    growth.add(to, self.whole[at(x, y)], self.whole[at(column, row)], share - own);
                 }
             }
         }
-        let (way, trust) = way_of_growth([xx, xy, yy], growth);
+        let (way, trust) = growth.way();
         if trust < 0.5 {
             return Edge::Even(own);
         }
-        let (texel, horizon) = (at(column, row), flat(face, self.normal));
-        let wanted = own * self.cells(texel).map(|cell| cell.worth(horizon)).sum::<f32>();
-        let along = |x: usize, y: usize| {
-            way.dot(Vec2::new((column + x) as f32, (row + y) as f32) * (2.0 / n as f32) - 1.0)
-        };
-        let corners = [along(0, 0), along(1, 0), along(0, 1), along(1, 1)];
-        let (mut low, mut high) =
-            corners.iter().fold((f32::MAX, f32::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (low + high);
-            let left =
-                self.cells(texel).map(|cell| cell.clipped(way.extend(-middle)).worth(horizon)).sum::<f32>();
-            if left > wanted { low = middle } else { high = middle }
-        }
-        Edge::Line(way.extend(-0.5 * (low + high)))
+        let cells: Vec<Cut> = self.cells(at(column, row)).map(Cut::new).collect();
+        Edge::Line(line(&cells, way, own, flat(face_axes(face), self.normal)))
     }
 }
 
@@ -444,10 +401,4 @@ fn within(part: Cut, polygon: &[Vec2]) -> Cut {
         let side = if side.dot(middle.extend(1.0)) < 0.0 { -side } else { side };
         part.clipped(side)
     })
-}
-
-/// A normal in a face's coordinates.
-fn flat(face: usize, normal: Vec3) -> Vec3 {
-    let [axis, s, t] = face_axes(face);
-    Vec3::new(normal.dot(s), normal.dot(t), normal.dot(axis))
 }
