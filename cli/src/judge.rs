@@ -99,8 +99,12 @@ impl Judge {
             let inside = lunette_bake::openings::inside(scene, portals).map_err(|e| anyhow!("{e}"))?;
             let is_inside = |t: &[u32; 3]| t.iter().all(|&v| inside[v as usize]);
             ensure!(
-                triangles.iter().any(is_inside),
+                mesh.index.iter().any(is_inside),
                 "no triangle is lit through the portals alone: do they part inside from outside?"
+            );
+            ensure!(
+                triangles.iter().any(is_inside),
+                "--every: {stride} steps past all triangles that are lit through the portals; give less"
             );
             area.iter_mut().zip(&triangles).filter(|(_, t)| !is_inside(t)).for_each(|(area, _)| *area = 0.0);
         }

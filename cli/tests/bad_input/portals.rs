@@ -167,3 +167,15 @@ fn ways_of_bounced_light_that_are_absurd_or_of_none_are_named() {
         );
     }
 }
+
+#[test]
+fn step_past_all_triangles_inside_is_named() {
+    let folder = Folder::new();
+    let compare =
+        ["compare", ROOM, "--portal", "glass", "--bounces", "0", "--methods", "portal", "--light", "uniform"];
+    fails_late(
+        &folder,
+        &[&compare[..], &["--every", "1000000", "-o", "."]].concat(),
+        &["--every", "1000000", "less"],
+    );
+}

@@ -1,9 +1,7 @@
 //! E(v) += scale Σ value\[i\] L\[i\] over the runs of each row, three colours at once: the sums as they are defined,
 //! and the choice of a faster implementation. All agree up to the rounding of f32.
 
-use glam::Vec4;
-
-use super::{Basis, SparseLight};
+use super::Basis;
 
 /// Parts of some consecutive rows, checked by [`Rows`](super::Rows): the runs of a row add up to its values, are no
 /// longer than [`LONGEST_RUN`](super::LONGEST_RUN), and the light goes on behind them by
@@ -23,10 +21,7 @@ pub struct Slices<'a> {
     pub basis: &'a [u8],
 }
 
-/// Entries of the light by basis: red, green, blue, nothing.
-pub type Light<'a> = [&'a [Vec4]; 3];
-
-/// The same by basis and colour.
+/// Entries of the light by basis and colour.
 pub type Planes<'a> = [[&'a [f32]; 3]; 3];
 
 impl<'a> Slices<'a> {
@@ -39,25 +34,25 @@ impl<'a> Slices<'a> {
 }
 
 /// Adds the rows' dot products with the light to `out`.
-pub fn add(rows: &Slices, light: &SparseLight, out: &mut [[f32; 3]]) {
+pub fn add(rows: &Slices, light: Planes, out: &mut [[f32; 3]]) {
     #[cfg(target_arch = "x86_64")]
-    if super::x86::add(rows, light.planes(), out) {
+    if super::x86::add(rows, light, out) {
         return;
     }
-    add_portable(rows, light.entries(), out);
+    add_portable(rows, light, out);
 }
 
 /// For any processor.
-pub fn add_portable(rows: &Slices, light: Light, out: &mut [[f32; 3]]) {
+pub fn add_portable(rows: &Slices, light: Planes, out: &mut [[f32; 3]]) {
     for (v, out) in out.iter_mut().enumerate() {
         let basis = rows.basis[v];
-        let entries = light[usize::from(basis)];
+        let planes = light[usize::from(basis)];
         let sum = if basis == Basis::Haar as u8 {
-            row(rows.row(v), entries, |byte| f32::from(byte as i8))
+            row(rows.row(v), planes, |byte| f32::from(byte as i8))
         } else {
-            row(rows.row(v), entries, f32::from)
+            row(rows.row(v), planes, f32::from)
         };
-        for (o, s) in out.iter_mut().zip(sum.to_array()) {
+        for (o, s) in out.iter_mut().zip(sum) {
             *o += rows.scale[v] * s;
         }
     }
@@ -65,17 +60,19 @@ pub fn add_portable(rows: &Slices, light: Light, out: &mut [[f32; 3]]) {
 
 /// Σ value L of one row.
 #[inline(always)]
-fn row((runs, mut values): (&[[u8; 2]], &[u8]), light: &[Vec4], widen: impl Fn(u8) -> f32) -> Vec4 {
-    let mut sum = Vec4::ZERO;
+fn row((runs, mut values): (&[[u8; 2]], &[u8]), light: [&[f32]; 3], widen: impl Fn(u8) -> f32) -> [f32; 3] {
+    let mut sums = [0.0; 3];
     let mut at = 0;
     for &[gap, length] in runs {
         at += usize::from(gap);
         let (run, rest) = values.split_at(usize::from(length));
-        for (byte, l) in run.iter().zip(&light[at..]) {
-            sum += widen(*byte) * *l;
+        for (sum, light) in sums.iter_mut().zip(light) {
+            for (byte, l) in run.iter().zip(&light[at..]) {
+                *sum += widen(*byte) * l;
+            }
         }
         at += run.len();
         values = rest;
     }
-    sum
+    sums
 }

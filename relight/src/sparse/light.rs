@@ -9,14 +9,13 @@ use crate::{cubemap, haar};
 /// Entries of zero behind each list: a run is read as if it were the longest.
 pub(super) const PADDING: usize = LONGEST_RUN;
 
-/// The light of a cubemap, for each basis: the colours of an entry together (and a zero), as it is transformed, and each
-/// colour for itself, as wide vectors read it.
+/// The light of a cubemap, for each basis. The colours of an entry lie together (and a zero) where it is transformed, each
+/// for itself where rows read it.
 #[derive(Clone, Debug)]
 pub struct SparseLight {
     n: usize,
     pulse: Vec<Vec4>,
     haar: Vec<Vec4>,
-    columns: Vec<Vec4>,
     scratch: Vec<Vec4>,
     /// By basis and colour.
     planes: [[Vec<f32>; 3]; 3],
@@ -29,13 +28,12 @@ impl SparseLight {
     /// When `n` is not in [`cubemap::RESOLUTIONS`].
     pub fn new(n: usize) -> SparseLight {
         assert!(cubemap::RESOLUTIONS.contains(&n), "a cubemap has 8 to 64 texels on a side, not {n}");
-        let entries = |count: usize| vec![Vec4::ZERO; count + PADDING];
+        let entries = |count: usize| vec![Vec4::ZERO; count];
         SparseLight {
             n,
             pulse: entries(cubemap::n_texels(n)),
             haar: entries(n_haar_entries(n)),
-            columns: entries(cubemap::n_texels(n)),
-            scratch: vec![Vec4::ZERO; n * n],
+            scratch: entries(n * n),
             planes: [cubemap::n_texels(n), n_haar_entries(n), cubemap::n_texels(n)]
                 .map(|count| std::array::from_fn(|_| vec![0.0; count + PADDING])),
         }
@@ -55,25 +53,21 @@ impl SparseLight {
         for (to, &[r, g, b]) in self.pulse.iter_mut().zip(texels) {
             *to = Vec4::new(r, g, b, 0.0);
         }
-        let pulse = &self.pulse[..texels.len()];
-        transpose(self.n, pulse, &mut self.columns[..texels.len()]);
-        transform(self.n, pulse, &mut self.scratch, &mut self.haar);
-        for (entries, planes) in [&self.pulse, &self.haar, &self.columns].into_iter().zip(&mut self.planes) {
-            let [r, g, b] = planes;
+        transform(self.n, &self.pulse, &mut self.scratch, &mut self.haar);
+        let [pulse, haar, columns] = &mut self.planes;
+        for (entries, [r, g, b]) in [(&self.pulse, &mut *pulse), (&self.haar, haar)] {
             for (((entry, r), g), b) in entries.iter().zip(r).zip(g).zip(b) {
                 [*r, *g, *b] = entry.truncate().to_array();
             }
         }
+        for (from, to) in pulse.iter().zip(columns) {
+            transpose(self.n, &from[..texels.len()], &mut to[..texels.len()]);
+        }
     }
 
-    /// As [`entries`](Self::entries), colour by colour.
+    /// Entries and zeros behind them, by [`Basis`](super::Basis) and colour.
     pub(super) fn planes(&self) -> Planes<'_> {
         self.planes.each_ref().map(|planes| planes.each_ref().map(Vec::as_slice))
-    }
-
-    /// Entries and zeros behind them, by [`Basis`](super::Basis).
-    pub(super) fn entries(&self) -> [&[Vec4]; 3] {
-        [&self.pulse, &self.haar, &self.columns]
     }
 }
 

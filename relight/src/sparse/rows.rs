@@ -133,7 +133,7 @@ impl<'a> Rows<'a> {
     /// # Panics
     /// When there are not that many vertices, or the light has another resolution.
     pub fn add(&self, first: usize, light: &SparseLight, out: &mut [[f32; 3]]) {
-        dot::add(&self.slices(first, light, out.len()), light, out);
+        dot::add(&self.slices(first, light, out.len()), light.planes(), out);
     }
 
     /// As [`Rows::add`], without the processor's special instructions: what the fast way is held against.
@@ -141,7 +141,7 @@ impl<'a> Rows<'a> {
     /// # Panics
     /// As [`Rows::add`].
     pub fn add_portable(&self, first: usize, light: &SparseLight, out: &mut [[f32; 3]]) {
-        dot::add_portable(&self.slices(first, light, out.len()), light.entries(), out);
+        dot::add_portable(&self.slices(first, light, out.len()), light.planes(), out);
     }
 
     fn slices(&self, first: usize, light: &SparseLight, count: usize) -> dot::Slices<'_> {

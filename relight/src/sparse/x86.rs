@@ -159,8 +159,6 @@ fn fold([r, g, b]: [__m256; 3]) -> [f32; 3] {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec4;
-
     use super::*;
 
     /// Rows of every run length, the last of which end at the end of all values.
@@ -183,15 +181,11 @@ mod tests {
         let scale: Vec<f32> = (0..70).map(|v| 1.0 + v as f32).collect();
         let (start, first_run, runs, value) = (&start[..], &first_run[..], &runs[..], &value[..]);
         let rows = Slices { start, first_run, runs, value, scale: &scale, basis: &basis };
-        let entry =
-            |i: usize| Vec4::new((i as f32 * 0.03).sin(), (i as f32 * 0.05).cos(), i as f32 * 0.01, 0.0);
-        let entries: Vec<Vec4> = (0..400).map(entry).collect();
-        let light = [&entries[..], &entries[1..], &entries[2..]];
-        let plane = |c: usize| entries.iter().map(|e| e[c]).collect::<Vec<f32>>();
-        let planes = [plane(0), plane(1), plane(2)];
+        let plane = |entry: fn(f32) -> f32| (0..400).map(|i| entry(i as f32)).collect::<Vec<f32>>();
+        let planes = [plane(|i| (i * 0.03).sin()), plane(|i| (i * 0.05).cos()), plane(|i| i * 0.01)];
         let planes = [0, 1, 2].map(|from| planes.each_ref().map(|plane| &plane[from..]));
         let mut portable = vec![[0.5; 3]; 70];
-        super::super::dot::add_portable(&rows, light, &mut portable);
+        super::super::dot::add_portable(&rows, planes, &mut portable);
         assert!(portable.iter().flatten().any(|e| e.abs() > 100.0), "there is something to compare");
         let close = |found: &[[f32; 3]]| {
             for (a, b) in found.iter().flatten().zip(portable.iter().flatten()) {
