@@ -8,7 +8,7 @@
 //! B = R + ρ F̄ B,   and   E_indirect(v) = Σ_p F\[v,p\] B\[p\].
 //!
 //! A row of F is kept as K *links* to nodes ([`links`]): fine ones where the row changes from patch to patch, coarse ones
-//! where it is even, so that what is lit may be as small as a patch wherever it is. A frame averages R over the nodes,
+//! where it is even, so that what is lit may be as small as a patch wherever it is; neighbours share theirs. A frame averages R over the nodes,
 //! iterates B at the patches, which have rows of their own, and takes K products per vertex.
 //!
 //! Where it breaks: detail of bounced light finer than a patch, which shows beside the edge of a sunlit spot; noise of the
@@ -21,34 +21,30 @@
 mod links;
 mod tree;
 
-use std::borrow::Cow;
-
 use glam::Vec3;
 use half::f16;
 use lunette_ffi as ffi;
 use lunette_relight::asset::{Asset, Data};
+use lunette_relight::block::{self, GROUP, LANES};
 use lunette_scenes::Scene;
 use rayon::prelude::*;
 
 use crate::fill;
 use crate::gather::{lane_of, packet};
 use crate::glossy::vertex_reflectance;
-use crate::sampling::{HemisphereSets, LANES, hash};
+use crate::sampling::{HemisphereSets, LANES as RAYS, hash};
 use crate::smooth::Smoother;
 use crate::{Error, Options, Progress, Surface};
 use links::{Linker, Links};
 pub use tree::Tree;
 
-/// What is stored; rows are those of the vertices and then those of the patches, in the order of their nodes.
+/// What is stored.
 pub struct Carrier {
     tree: Tree,
-    /// K.
-    n_links: usize,
-    /// \[V + P, K\].
-    node: Vec<u16>,
-    share: Vec<u8>,
-    /// \[V + P\].
-    scale: Vec<f32>,
+    /// Vertices of the blocks.
+    rows: Vec<[u16; LANES]>,
+    /// Of the blocks of vertices, and then of the patches in the order of their nodes.
+    links: Links,
     /// Weight of each node against its parent's.
     part: Vec<f32>,
 }
@@ -68,14 +64,16 @@ pub struct Lie<'a> {
 impl Carrier {
     /// Puts the tensors into an asset.
     pub fn insert_into(self, asset: &mut Asset<'static>) {
-        let (rows, k) = (self.scale.len(), self.n_links);
-        asset.insert("indirect.patch", &[self.tree.patch.len()], Data::U16(Cow::Owned(self.tree.patch)));
-        let children = self.tree.children.concat();
-        asset.insert("indirect.tree", &[children.len() / 2, 2], Data::U16(Cow::Owned(children)));
-        asset.insert("indirect.node", &[rows, k], Data::U16(Cow::Owned(self.node)));
-        asset.insert("indirect.share", &[rows, k], Data::U8(Cow::Owned(self.share)));
-        asset.insert("indirect.scale", &[rows], Data::F32(Cow::Owned(self.scale)));
-        asset.insert("indirect.part", &[self.part.len()], Data::F32(Cow::Owned(self.part)));
+        let Carrier { tree, rows, links, part } = self;
+        asset.insert("indirect.patch", &[tree.patch.len()], Data::U16(tree.patch.into()));
+        asset.insert("indirect.tree", &[tree.children.len(), 2], Data::U16(tree.children.concat().into()));
+        asset.insert("indirect.part", &[part.len()], Data::F32(part.into()));
+        asset.insert("indirect.row", &[rows.len(), LANES], Data::U16(rows.into_flattened().into()));
+        asset.insert("indirect.start", &[links.start.len()], Data::U32(links.start.into()));
+        let (n, blocks) = (links.node.len(), links.scale.len());
+        asset.insert("indirect.node", &[n], Data::U16(links.node.into()));
+        asset.insert("indirect.share", &[n, LANES], Data::U8(links.share.into_flattened().into()));
+        asset.insert("indirect.scale", &[blocks, LANES], Data::F32(links.scale.into_flattened().into()));
     }
 }
 
@@ -101,7 +99,7 @@ pub fn carrier(
     let most = options.patches.min(n_vertices.div_ceil(4)).max(1);
     let tree = Tree::new(scene, &sizes(&area), lie.uniform, lie.unlit, most);
     let leaf = tree.leaf_of_vertices();
-    let rays = options.rays.max(FEWEST_RAYS).next_multiple_of(LANES);
+    let rays = options.rays.max(FEWEST_RAYS).next_multiple_of(RAYS);
     let sets = HemisphereSets::new(rays, hash(options.seed, 0xf1));
     let rows = Rows::trace(surface, &sets, (&leaf, tree.n_leaves()), lie, progress)?;
     // What lies in other geometry takes the row of a neighbour.
@@ -143,22 +141,24 @@ pub fn carrier(
         sent.iter_mut().zip(&dense).for_each(|(sum, share)| *sum += area * share);
     }
     for _ in 0..BALANCES {
-        let found = linker.link(&weight, &patches.members, of_patch);
+        let found = linker.link(&weight, &patches.blocks(), of_patch);
         let linked = linker.sent(&weight, &areas, &found);
         for ((w, all), linked) in weight.iter_mut().zip(&sent).zip(linked) {
             *w *= (all / linked.max(f32::MIN_POSITIVE)).clamp(0.5, 2.0);
         }
     }
-    let mut all = Links::new(options.links);
-    for first in (0..n_vertices).step_by(BLOCK) {
+    let triples = |list: &[Vec3]| list.iter().map(|p| p.to_array()).collect::<Vec<_>>();
+    let order = block::order(&triples(&scene.mesh.position), &triples(&scene.mesh.normal));
+    let mut all = Links::default();
+    for (g, order) in order.chunks(GROUP).enumerate() {
         if progress.cancelled() {
             return Err(Error::Cancelled);
         }
-        let block: Vec<usize> = (first..n_vertices.min(first + BLOCK)).collect();
-        all.extend(linker.link(&weight, &block, of_vertex));
+        let vertices: Vec<usize> = order.iter().map(|&row| g * GROUP + usize::from(row)).collect();
+        all.extend(linker.link(&weight, &vertices.chunks(LANES).collect::<Vec<_>>(), of_vertex));
     }
-    all.extend(linker.link(&weight, &patches.members, of_patch));
-    Ok(all.into_carrier(tree, &weight))
+    all.extend(linker.link(&weight, &patches.blocks(), of_patch));
+    Ok(all.into_carrier(&order, tree, &weight))
 }
 
 /// What counts in the cutting of patches, of each vertex: half its part of the area, half its part of all vertices, which
@@ -233,7 +233,7 @@ fn row(
     let mut all = 0.0;
     for local in set {
         let (mut rays, world) = packet(surface.origin[v], &frame, local);
-        let mut hits = ffi::Hits::<LANES>::default();
+        let mut hits = ffi::Hits::<RAYS>::default();
         surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
         for (lane, z) in local.z.into_iter().enumerate() {
             all += z;
@@ -271,6 +271,11 @@ struct Patches<'a> {
 const DARKEST: f32 = 0.2;
 
 impl Patches<'_> {
+    /// Sixteen at a time.
+    fn blocks(&self) -> Vec<&[Vec<usize>]> {
+        self.members.chunks(LANES).collect()
+    }
+
     /// m².
     fn sending(&self) -> Vec<f32> {
         self.members.iter().map(|list| list.iter().map(|&v| self.sending[v]).sum()).collect()

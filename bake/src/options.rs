@@ -55,7 +55,8 @@ pub struct Options {
     pub resolution: usize,
     /// Most patches of direct-to-indirect transport, 16..=32767: detail of bounced light.
     pub patches: usize,
-    /// Links per vertex of direct-to-indirect transport to patches and groups of them, 1..=1024, three bytes each.
+    /// Most links of sixteen neighbouring vertices, in direct-to-indirect transport, to patches and groups of them, 1..=4096:
+    /// 1.1 bytes per vertex each.
     pub links: usize,
     /// How often light may bounce, 0..=1000. Each costs about half of the first pass.
     pub bounces: usize,
@@ -75,7 +76,7 @@ impl Default for Options {
             bounces: 2,
             resolution: 32,
             patches: 2048,
-            links: 192,
+            links: 448,
             seed: 1,
             threads: 0,
         }
@@ -89,7 +90,7 @@ impl Options {
         range("order", self.order, 1, MAX_ORDER)?;
         range("indirect-order", self.indirect_order, 1, self.order)?;
         range("patches", self.patches, 16, 32767)?;
-        range("links", self.links, 1, 1024)?;
+        range("links", self.links, 1, 4096)?;
         if !matches!(self.resolution, 8 | 16 | 32 | 64) {
             return Err(Error::Option {
                 name: "resolution",

@@ -32,6 +32,10 @@ const SCENE: &str = "box-room:edge=0.08,gloss=0.4,exponent=10";
 const BOUNCES: usize = 9;
 const ROUNDS: usize = 10;
 
+/// Pixels to a side of one of the reference's, whose mean is judged: else the edges of spots, the window and the object
+/// would be off by what 16 rays per pixel are, and that is no matter of light.
+const FINER: usize = 6;
+
 /// A sunny sky, and how it is judged.
 struct Case {
     name: &'static str,
@@ -67,7 +71,7 @@ fn main() {
     println!("{} vertices, {} triangles", asset.n_vertices(), asset.triangles().len());
     let plain = Tracer::new(surface(&asset)).expect("a tracer");
     for (case, truth) in CASES.iter().zip(&truths) {
-        let visibility = trace(&plain, &camera, case.size.0, case.size.1).expect("a picture");
+        let visibility = trace(&plain, &camera, FINER * case.size.0, FINER * case.size.1).expect("a picture");
         for carried in [Indirect::DirectToIndirect, Indirect::Sh] {
             println!("{}, bounced light {carried:?}", case.name);
             let frame = Frame {
@@ -121,7 +125,18 @@ fn object(asset: &Asset, visibility: &Visibility) -> Vec<f32> {
     let mut mark = vec![Vec3::ZERO; asset.n_vertices()];
     glossy.vertices().iter().for_each(|&v| mark[v as usize] = Vec3::ONE);
     let image = visibility.shade(&surface(asset), &mark, |_| Vec3::ZERO).expect("a picture");
-    image.pixels.iter().map(|p| p.x).collect()
+    means(&image).pixels.iter().map(|p| p.x).collect()
+}
+
+/// A picture in the reference's pixels.
+fn means(image: &Image) -> Image {
+    let (width, height) = (image.width / FINER, image.height / FINER);
+    let mean = |i: usize| {
+        let (x, y) = (i % width * FINER, i / width * FINER);
+        let row = |dy: usize| image.pixels[(y + dy) * image.width + x..][..FINER].iter().sum::<Vec3>();
+        (0..FINER).map(row).sum::<Vec3>() / (FINER * FINER) as f32
+    };
+    Image { width, height, pixels: (0..width * height).map(mean).collect() }
 }
 
 /// The path-traced picture and its standard error.
@@ -195,8 +210,9 @@ impl Frame<'_> {
     fn judge(&self, name: &str, shine: Shine, truth: &Truth) {
         let image = self.picture(shine);
         // The sky itself, seen through the window, is no result.
-        let surface: Vec<f32> =
-            self.visibility.coverage().iter().map(|c| if *c > 0.999 { 1.0 } else { 0.0 }).collect();
+        let pixels = self.visibility.coverage().into_iter().map(Vec3::splat).collect();
+        let covered = means(&Image { width: FINER * image.width, height: FINER * image.height, pixels });
+        let surface: Vec<f32> = covered.pixels.iter().map(|c| if c.x > 0.999 { 1.0 } else { 0.0 }).collect();
         let object = object(self.asset, self.visibility);
         let rest: Vec<f32> = object.iter().zip(&surface).map(|(o, s)| s * (1.0 - o)).collect();
         for (part, weight) in [("picture", &surface), ("object", &object), ("rest", &rest)] {
@@ -270,6 +286,6 @@ impl Frame<'_> {
             }
         }
         let background = |d| self.light.radiance(d);
-        self.visibility.shade_through(Some(&frame), &surface, &radiance, background).expect("a picture")
+        means(&self.visibility.shade_through(Some(&frame), &surface, &radiance, background).expect("a picture"))
     }
 }

@@ -16,20 +16,22 @@ use half::f16;
 use lunette_bake as bake;
 use lunette_benches::duel;
 use lunette_relight::asset::{Asset, Data, Metadata};
+use lunette_relight::block;
 use lunette_relight::cubemap::{self, ShTable};
 use lunette_relight::dot;
 use lunette_relight::indirect::{Carrier, Indirect};
 use lunette_relight::light::{Light, Sky, Source};
 use lunette_relight::portal_frame::PortalFrame;
 use lunette_relight::shell::{Blur, Shell};
-use lunette_relight::sparse::{Basis, Choice, Encoder, Encoding, RowStore, Rows, SparseLight};
+use lunette_relight::sparse::{Basis, Choice, Encoder, Encoding, RowStore, SparseLight};
 use lunette_render::{Backdrop, capture, seen_discs};
 use lunette_scenes::{builtin, take_portals};
+use rayon::prelude::*;
 
 const ROUNDS: usize = 30;
 const N: usize = 32;
 /// Vertices along a side of a side of the room.
-const PER_SIDE: usize = 24;
+const PER_SIDE: usize = 48;
 /// Different rows; vertices repeat them.
 const DIFFERENT: usize = 4 * PER_SIDE * PER_SIDE;
 
@@ -46,27 +48,25 @@ fn main() {
         }
     }
     bounced("bounced, SH order 4, 45000 vertices", 45_000, 48);
-    linked("bounced, 192 links, 45000 vertices", 45_000, 192);
+    linked("bounced, 448 links, 45000 vertices", 45_000, 448);
     println!("\n{:<44} {:>9}", "once per frame and portal, N = 32", "µs");
     shell();
 }
 
-/// Vertices in the order of a mesh on four sides of a room 4 m x 3 m x 4 m with a window of 2 m x 1.5 m in the wall at
-/// +X.
-fn rows() -> Vec<Vec<f32>> {
-    let row = |i: usize| {
-        let (side, at) = (i / PER_SIDE.pow(2), i % PER_SIDE.pow(2));
-        let [s, t] = [at % PER_SIDE, at / PER_SIDE].map(|k| (k as f32 + 0.5) / PER_SIDE as f32);
-        match side {
-            0 => window_row(Vec3::new(4.0 * s, 0.0, 4.0 * t), Vec3::Y),
-            1 => window_row(Vec3::new(4.0 * s, 3.0, 4.0 * t), Vec3::NEG_Y),
-            2 => window_row(Vec3::new(0.0, 3.0 * s, 4.0 * t), Vec3::X),
-            _ => window_row(Vec3::new(4.0 * s, 3.0 * t, 0.0), Vec3::Z),
-        }
-    };
-    (0..DIFFERENT).map(row).collect()
+/// Vertex `i` on four sides of a room 4 m x 3 m x 4 m with a window of 2 m x 1.5 m in the wall at +X, in the order of a
+/// mesh, and its normal.
+fn vertex(i: usize) -> (Vec3, Vec3) {
+    let (side, at) = (i % DIFFERENT / PER_SIDE.pow(2), i % PER_SIDE.pow(2));
+    let [s, t] = [at % PER_SIDE, at / PER_SIDE].map(|k| (k as f32 + 0.5) / PER_SIDE as f32);
+    match side {
+        0 => (Vec3::new(4.0 * s, 0.0, 4.0 * t), Vec3::Y),
+        1 => (Vec3::new(4.0 * s, 3.0, 4.0 * t), Vec3::NEG_Y),
+        2 => (Vec3::new(0.0, 3.0 * s, 4.0 * t), Vec3::X),
+        _ => (Vec3::new(4.0 * s, 3.0 * t, 0.0), Vec3::Z),
+    }
 }
 
+/// Texels that the window covers, cosine included.
 fn window_row(p: Vec3, normal: Vec3) -> Vec<f32> {
     const SIDE: usize = 4;
     let mut row = vec![0.0; cubemap::n_texels(N)];
@@ -84,21 +84,30 @@ fn window_row(p: Vec3, normal: Vec3) -> Vec<f32> {
 }
 
 fn sparse(name: &str, vertices: usize, choice: Choice) {
-    let mut encoder = Encoder::new(N, Encoding { choice, ..Encoding::default() });
-    let encoded: Vec<_> = rows().iter().map(|row| encoder.encode(row)).collect();
+    let encoding = Encoding { choice, ..Encoding::default() };
+    let encode = |encoder: &mut Encoder, i: usize| {
+        let (p, normal) = vertex(i);
+        encoder.encode(&window_row(p, normal))
+    };
+    let encoded: Vec<_> =
+        (0..DIFFERENT).into_par_iter().map_init(|| Encoder::new(N, encoding), encode).collect();
     let mut store = RowStore::default();
     (0..vertices).for_each(|v| store.push(&encoded[v % DIFFERENT]));
     let mut asset = Asset::new(Metadata::new("room"));
-    let zeros = lunette_relight::asset::Data::F32(vec![0.0; 3 * vertices].into());
-    asset.insert("mesh.position", &[vertices, 3], zeros);
+    let triples = |of: &dyn Fn(usize) -> Vec3| {
+        let list: Vec<f32> = (0..vertices).flat_map(|v| of(v).to_array()).collect();
+        Data::F32(list.into())
+    };
+    asset.insert("mesh.position", &[vertices, 3], triples(&|v| vertex(v).0));
+    asset.insert("mesh.normal", &[vertices, 3], triples(&|v| vertex(v).1));
     store.insert_into(&mut asset, "portal.0.direct", N).expect("less than 4 GiB");
-    let rows = Rows::open(&asset, "portal.0.direct").expect("good rows").expect("there are rows");
-    let mut light = SparseLight::new(N);
-    light.set(&day());
-    let bytes: Vec<u8> = vec![1; rows.bytes()];
+    let mut frame = PortalFrame::new(&asset).expect("good rows");
+    frame.set_shell(0, Shell::new(N, &day()).expect("a shell")).expect("its side");
+    let per_vertex = frame.bytes_per_vertex().0;
+    let bytes: Vec<u8> = vec![1; (per_vertex * vertices as f32) as usize];
     let mut out = vec![[0.0f32; 3]; vertices];
-    let times = duel(ROUNDS, || read(&bytes), || rows.add(0, &light, black_box(&mut out)));
-    print(name, times, rows.bytes() as f32 / vertices as f32);
+    let times = duel(ROUNDS, || read(&bytes), || frame.direct(0, black_box(&mut out)));
+    print(name, times, per_vertex);
 }
 
 fn bounced(name: &str, vertices: usize, k: usize) {
@@ -111,11 +120,12 @@ fn bounced(name: &str, vertices: usize, k: usize) {
     print(name, duel(ROUNDS, || read(&bytes), || run(black_box(&mut out))), 2.0 * k as f32);
 }
 
-/// Links as those of a vertex are: some to each part of the tree.
+/// As many links for each block of vertices as a bake gives.
 fn linked(name: &str, vertices: usize, k: usize) {
     const PATCHES: usize = 2048;
     let mut asset = Asset::new(Metadata::new("room"));
     let floats = |list: Vec<f32>| Data::F32(list.into());
+    let words = |list: Vec<u16>| Data::U16(list.into());
     let triangle = |i: usize| [(i % 7) as f32, (i % 11) as f32, (i % 13) as f32];
     asset.insert("mesh.position", &[vertices, 3], floats((0..vertices).flat_map(triangle).collect()));
     asset.insert("mesh.normal", &[vertices, 3], floats([0.0, 1.0, 0.0].repeat(vertices)));
@@ -125,30 +135,29 @@ fn linked(name: &str, vertices: usize, k: usize) {
     let patch = |i: usize| (PATCHES - 1 + i % PATCHES) as u16;
     let nodes = 2 * PATCHES - 1;
     let child = |i: usize| if i < PATCHES - 1 { [2 * i as u16 + 1, 2 * i as u16 + 2] } else { [0, 0] };
-    asset.insert(
-        "indirect.patch",
-        &[vertices],
-        Data::U16((0..vertices).map(patch).collect::<Vec<_>>().into()),
-    );
-    asset.insert(
-        "indirect.tree",
-        &[nodes, 2],
-        Data::U16((0..nodes).flat_map(child).collect::<Vec<_>>().into()),
-    );
-    let rows = vertices + PATCHES;
-    // A step of about 25 nodes, another in each row.
-    let node = |i: usize| (((i % k) * nodes / k + i / k * 7 % 25) % nodes) as u16;
-    asset.insert("indirect.node", &[rows, k], Data::U16((0..rows * k).map(node).collect::<Vec<_>>().into()));
-    let share = (0..rows * k).map(|i| (i * 37 % 256) as u8).collect::<Vec<_>>();
-    asset.insert("indirect.share", &[rows, k], Data::U8(share.into()));
-    asset.insert("indirect.scale", &[rows], floats(vec![1e-7; rows]));
+    asset.insert("indirect.patch", &[vertices], words((0..vertices).map(patch).collect()));
+    asset.insert("indirect.tree", &[nodes, 2], words((0..nodes).flat_map(child).collect()));
     asset.insert("indirect.part", &[nodes], floats(vec![0.5; nodes]));
-    let mut carrier = Carrier::open(&asset).expect("a carrier");
+    let of_vertices = vertices.div_ceil(block::LANES);
+    let row = |i: usize| if i < vertices { (i % block::GROUP) as u16 } else { block::NO_ROW };
+    let rows = words((0..of_vertices * block::LANES).map(row).collect());
+    asset.insert("indirect.row", &[of_vertices, block::LANES], rows);
+    let blocks = of_vertices + PATCHES / block::LANES;
+    let start: Vec<u32> = (0..=blocks).map(|b| (b * k) as u32).collect();
+    asset.insert("indirect.start", &[blocks + 1], Data::U32(start.into()));
+    // Every so many nodes, others in each block.
+    let node = |i: usize| ((i % k * nodes / k + i / k * 7 % (nodes / k)) % nodes) as u16;
+    asset.insert("indirect.node", &[blocks * k], words((0..blocks * k).map(node).collect()));
+    let share: Vec<u8> = (0..blocks * k * block::LANES).map(|i| (i * 37 % 251) as u8).collect();
+    asset.insert("indirect.share", &[blocks * k, block::LANES], Data::U8(share.into()));
+    let scale = floats(vec![1e-7; blocks * block::LANES]);
+    asset.insert("indirect.scale", &[blocks, block::LANES], scale);
+    let mut carrier = Carrier::open(&asset).expect("good tensors").expect("a carrier");
     let mut out = vec![[0.0f32; 3]; vertices];
     carrier.reflect(&vec![[1.0; 3]; vertices]);
-    let bytes = vec![1u8; carrier.bytes_per_vertex() * vertices];
+    let bytes = vec![1u8; (carrier.bytes_per_vertex() * vertices as f32) as usize];
     let times = duel(ROUNDS, || read(&bytes), || carrier.add(0, black_box(&mut out)));
-    print(name, times, carrier.bytes_per_vertex() as f32);
+    print(name, times, carrier.bytes_per_vertex());
 }
 
 /// Everything on, part by part.
@@ -206,7 +215,6 @@ fn frame() {
 }
 
 fn parts(out: &mut [[f32; 3]], work: impl Fn(usize, &mut [[f32; 3]]) + Sync) {
-    use rayon::prelude::*;
     let task = 2048;
     out.par_chunks_mut(task).enumerate().for_each(|(i, out)| work(i * task, out));
 }

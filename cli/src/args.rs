@@ -120,8 +120,8 @@ pub struct Effort {
     /// Patches of direct-to-indirect transport
     #[arg(long, default_value_t = 2048, allow_negative_numbers = true)]
     pub patches: usize,
-    /// Links per vertex of direct-to-indirect transport
-    #[arg(long, default_value_t = 192, allow_negative_numbers = true)]
+    /// Most links of sixteen neighbouring vertices in direct-to-indirect transport
+    #[arg(long, default_value_t = 448, allow_negative_numbers = true)]
     pub links: usize,
     /// Seed of every random choice
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]

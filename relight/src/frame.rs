@@ -170,7 +170,8 @@ impl<'a> Frame<'a> {
                 return Err(Missing { tensor: "sky.indirect.sh", basis: "sh" });
             }
             Indirect::DirectToIndirect if self.carrier.is_none() => {
-                self.carrier = Some(Carrier::open(self.asset).ok_or_else(Missing::carrier)?);
+                let carrier = Carrier::open(self.asset).ok().flatten();
+                self.carrier = Some(carrier.ok_or_else(Missing::carrier)?);
             }
             _ => {}
         }
@@ -297,11 +298,11 @@ impl<'a> Frame<'a> {
             }
         };
         let bounced = match (self.carried, &self.carrier) {
-            (Indirect::Sh, _) => 6 * self.indirect.n,
+            (Indirect::Sh, _) => (6 * self.indirect.n) as f32,
             (Indirect::DirectToIndirect, Some(carrier)) => carrier.bytes_per_vertex(),
-            _ => 0,
+            _ => 0.0,
         };
-        (direct, bounced as f32)
+        (direct, bounced)
     }
 
     fn rows(&self, name: &str, from: usize, count: usize) -> &[f16] {

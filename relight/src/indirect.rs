@@ -1,28 +1,33 @@
 //! Bounced light carried from direct light, whatever it came from.
 //!
-//! The bake has halved the surface again and again, down to P patches: a tree of N = 2 P - 1 nodes, of which each row,
-//! those of the vertices and those of the patches, has K links to some. A frame computes the direct irradiance of all
-//! vertices, then, per colour,
+//! The bake has halved the surface again and again, down to P patches: a tree of N = 2 P - 1 nodes, to some of which each
+//! row, those of the vertices and those of the patches, has links: the same for the sixteen rows of a
+//! [`block`], each worth something else to each row. A frame computes the direct irradiance of all vertices, then, per
+//! colour,
 //!
 //! ```text
-//! R[p]  = Σ w ρ E_direct / Σ w                                    over the vertices v of patch p, w = area[v] S[v]
-//! B[p]  = R[p] + ρ[p] scale[V + p] Σ_k share²[V + p, k] B[node[V + p, k]]      solved by iteration
-//! E(v) += scale[v] Σ_k share²[v, k] B[node[v, k]]
+//! R[p]  = Σ w ρ E_direct / Σ w                         over the vertices v of patch p, w = area[v] S[v]
+//! B[p]  = R[p] + ρ[p] scale[p] Σ_k share²[k, p] B[node[k]]      over the links k of p's block, solved by iteration
+//! E(v) += scale[v] Σ_k share²[k, v] B[node[k]]                  over the links k of v's block
 //! ```
 //!
-//! S\[v\] = scale\[v\] Σ_k share²\[v, k\] being what a vertex sees of others, and so, by reciprocity, what they see of it, and
+//! S\[v\] = scale\[v\] Σ_k share²\[k, v\] being what a vertex sees of others, and so, by reciprocity, what they see of it, and
 //! where B of a node with children is Σ part\[c\] B\[c\] over them: about their mean by area, with weights by which a
 //! patch sends out through all links together what it does through the rows themselves. E is irradiance without the receiver's albedo, in the unit of
 //! the light. A vertex's area is a third of its triangles'.
+//!
+//! Of V vertices, in A = ⌈V / 16⌉ blocks, and P patches, in C = ⌈P / 16⌉, with L links:
 //!
 //! | name | type | |
 //! |---|---|---|
 //! | `indirect.patch` | u16 \[V\] | node of the patch that a vertex belongs to; [`NO_PATCH`]: none |
 //! | `indirect.tree` | u16 \[N,2\] | children of each node, which come after it; 0, 0 for a patch |
-//! | `indirect.node` | u16 \[V+P,K\] | rows of the vertices, then of the patches in the order of their nodes |
-//! | `indirect.share` | u8 \[V+P,K\] | square root of what the link is worth |
-//! | `indirect.scale` | f32 \[V+P\] | |
 //! | `indirect.part` | f32 \[N\] | weight of each node in its parent |
+//! | `indirect.row` | u16 \[A,16\] | vertices of each block, counted from the first of their group of 1024, of which 64 blocks are; [`NO_ROW`]: none |
+//! | `indirect.start` | u32 \[A+C+1\] | block b has the links `start[b]..start[b + 1]`; blocks of vertices, then of patches, 16 after 16 in the order of their nodes |
+//! | `indirect.node` | u16 \[L\] | |
+//! | `indirect.share` | u8 \[L,16\] | square root of what the link is worth to each row |
+//! | `indirect.scale` | f32 \[A+C,16\] | |
 //!
 //! Where it breaks: the pattern of direct light within a patch is lost to what it bounces on to, so that a patch with
 //! a narrow beam on its edge glows as a whole.
@@ -32,7 +37,8 @@
 
 use glam::{Vec3, Vec4};
 
-use crate::asset::{Asset, Data, NO_PATCH};
+use crate::asset::{Asset, Data, Error, NO_PATCH};
+use crate::block::{self, Blocks, LANES, NO_ROW};
 use crate::glossy::reflectance;
 use crate::light::{Cap, Light, split};
 use crate::shell;
@@ -92,17 +98,6 @@ const STEPS: usize = 64;
 /// The iteration ends when a step changes all light by less than this part of it.
 const CONVERGED: f32 = 3e-4;
 
-/// q² of a byte: a load in place of a conversion and a product.
-const SQUARES: [f32; 256] = {
-    let mut squares = [0.0; 256];
-    let mut q = 0;
-    while q < 256 {
-        squares[q] = (q * q) as f32;
-        q += 1;
-    }
-    squares
-};
-
 /// The direct-to-indirect part of an asset, and the bounced light of the moment.
 #[derive(Clone, Debug)]
 pub struct Carrier<'a> {
@@ -113,10 +108,9 @@ pub struct Carrier<'a> {
     part: &'a [f32],
     /// Nodes without children, rising.
     leaves: Vec<u16>,
-    n_links: usize,
-    node: &'a [u16],
-    share: &'a [u8],
-    scale: &'a [f32],
+    /// Vertices of the first blocks; the others' are patches.
+    rows: &'a [[u16; LANES]],
+    blocks: Blocks<'a>,
     /// Of each node that is a patch.
     albedo: Vec<Vec3>,
     reflected: Vec<Vec3>,
@@ -129,58 +123,39 @@ pub struct Carrier<'a> {
 
 impl<'a> Carrier<'a> {
     /// The carrier of an asset; `None` where none is baked. Bounced light is dark until [`Carrier::reflect`].
-    pub fn open(asset: &'a Asset<'a>) -> Option<Carrier<'a>> {
-        let names =
-            ["patch", "tree", "node", "share", "scale", "part"].map(|part| format!("indirect.{part}"));
-        let [patch, tree, node, share, scale, part] = names.each_ref().map(|name| asset.tensor(name));
-        let n_links = *node?.shape.get(1)?;
-        let (Data::U16(patch), Data::U16(tree), Data::U16(node)) = (&patch?.data, &tree?.data, &node?.data)
-        else {
-            return None;
-        };
-        let (Data::U8(share), Data::F32(scale), Data::F32(part)) = (&share?.data, &scale?.data, &part?.data)
-        else {
-            return None;
-        };
-        let children: &[[u16; 2]] = bytemuck::try_cast_slice(tree).ok()?;
-        check(children, patch, node).ok()?;
+    ///
+    /// # Errors
+    /// When its tensors do not hold together, which an asset that was read cannot have.
+    pub fn open(asset: &'a Asset<'a>) -> Result<Option<Carrier<'a>>, Error> {
+        let Some(parts) = Parts::open(asset)? else { return Ok(None) };
+        let Parts { patch, children, part, rows, blocks } = parts;
         let leaves = leaves(children);
         let n_leaves = leaves.len();
-        let rows = patch.len() + n_leaves;
-        if patch.len() != asset.n_vertices()
-            || scale.len() != rows
-            || node.len() != rows * n_links
-            || share.len() != node.len()
-            || part.len() != children.len()
-        {
-            return None;
+        let mut weighted = vertex_area(asset);
+        let ones = vec![Vec4::ONE; children.len()];
+        for (b, vertices) in blocks_of_vertices(rows) {
+            let seen = blocks.sums(b, &ones)[0];
+            vertices.for_each(|(lane, v)| weighted[v] *= f64::from(seen[lane]));
         }
-        let seen = |v: usize| -> f64 {
-            let squares = share[v * n_links..(v + 1) * n_links].iter().map(|q| f64::from(*q).powi(2));
-            f64::from(scale[v]) * squares.sum::<f64>()
-        };
-        let area = vertex_area(asset).into_iter().enumerate().map(|(v, a)| a * seen(v));
-        let weight = weights(asset, patch, &area.collect::<Vec<_>>(), children.len());
+        let weight = weights(asset, patch, &weighted, children.len());
         let mut albedo = vec![Vec3::ZERO; children.len()];
         for (p, w) in patch.iter().zip(&weight).filter(|(p, _)| **p != NO_PATCH) {
             albedo[usize::from(*p)] += *w;
         }
-        Some(Carrier {
+        Ok(Some(Carrier {
             patch,
             weight,
             children,
             part,
             leaves,
-            n_links,
-            node,
-            share,
-            scale,
+            rows,
+            blocks,
             albedo,
             reflected: vec![Vec3::ZERO; children.len()],
             leaving: vec![Vec4::ZERO; children.len()],
             next: vec![Vec3::ZERO; n_leaves],
             steps: bounces(asset).saturating_sub(1).min(STEPS),
-        })
+        }))
     }
 
     /// Takes on the direct irradiance of all vertices.
@@ -191,7 +166,7 @@ impl<'a> Carrier<'a> {
         self.begin(direct);
         for _ in 0..self.steps {
             let mut next = std::mem::take(&mut self.next);
-            next.iter_mut().enumerate().for_each(|(i, next)| *next = self.sent(i));
+            next.chunks_mut(LANES).enumerate().for_each(|(j, next)| self.send(j, next));
             if !self.step(next) {
                 break;
             }
@@ -208,10 +183,9 @@ impl<'a> Carrier<'a> {
         self.begin(direct);
         for _ in 0..self.steps {
             let mut next = std::mem::take(&mut self.next);
-            let task = 128;
-            next.par_chunks_mut(task).enumerate().for_each(|(i, next)| {
-                next.iter_mut().enumerate().for_each(|(j, next)| *next = self.sent(i * task + j));
-            });
+            let task = 8;
+            let blocks = next.par_chunks_mut(LANES).enumerate().with_min_len(task);
+            blocks.for_each(|(j, next)| self.send(j, next));
             if !self.step(next) {
                 break;
             }
@@ -237,10 +211,14 @@ impl<'a> Carrier<'a> {
         self.average();
     }
 
-    /// What leaves leaf `i` under what leaves all now.
-    fn sent(&self, i: usize) -> Vec3 {
-        let leaf = usize::from(self.leaves[i]);
-        self.reflected[leaf] + self.albedo[leaf] * self.arriving(self.patch.len() + i)
+    /// What leaves the patches of their block `j` under what leaves all now.
+    fn send(&self, j: usize, next: &mut [Vec3]) {
+        let [r, g, b] = self.blocks.sums(self.rows.len() + j, &self.leaving);
+        let leaves = &self.leaves[j * LANES..];
+        for (((next, leaf), r), (g, b)) in next.iter_mut().zip(leaves).zip(r).zip(g.into_iter().zip(b)) {
+            let leaf = usize::from(*leaf);
+            *next = self.reflected[leaf] + self.albedo[leaf] * Vec3::new(r, g, b);
+        }
     }
 
     /// Takes on what leaves the patches; whether that changed anything worth another step.
@@ -267,53 +245,150 @@ impl<'a> Carrier<'a> {
         }
     }
 
-    /// Irradiance of a row.
-    #[inline]
-    fn arriving(&self, row: usize) -> Vec3 {
-        let range = row * self.n_links..(row + 1) * self.n_links;
-        let mut sums = [Vec4::ZERO; 4];
-        let (nodes, shares) = (&self.node[range.clone()], &self.share[range]);
-        let (nodes, nodes_rest) = nodes.as_chunks::<4>();
-        let (shares, shares_rest) = shares.as_chunks::<4>();
-        for (nodes, shares) in nodes.iter().zip(shares) {
-            for ((sum, node), q) in sums.iter_mut().zip(nodes).zip(shares) {
-                *sum += SQUARES[usize::from(*q)] * self.leaving[usize::from(*node)];
-            }
-        }
-        for (node, q) in nodes_rest.iter().zip(shares_rest) {
-            sums[0] += SQUARES[usize::from(*q)] * self.leaving[usize::from(*node)];
-        }
-        self.scale[row] * (sums[0] + sums[1] + (sums[2] + sums[3])).truncate()
-    }
-
-    /// Adds bounced irradiance to the vertices from `first` on.
+    /// Adds bounced irradiance to the vertices from `first` on: best by multiples of [`block::GROUP`].
     ///
     /// # Panics
     /// When there are not that many vertices.
     pub fn add(&self, first: usize, out: &mut [[f32; 3]]) {
         assert!(first + out.len() <= self.patch.len(), "there are not that many vertices");
-        for (v, out) in (first..).zip(out) {
-            *out = (Vec3::from(*out) + self.arriving(v)).to_array();
+        for b in block::range(first, out.len(), self.rows.len()) {
+            if self.blocks.start[b] < self.blocks.start[b + 1] {
+                let sums = self.blocks.sums(b, &self.leaving);
+                block::add_to(&sums, &self.rows[b], block::first_row(b), first, out);
+            }
         }
     }
 
-    /// K.
-    pub fn n_links(&self) -> usize {
-        self.n_links
-    }
-
-    /// What a vertex stores: its links, their scale, and its own patch.
-    pub fn bytes_per_vertex(&self) -> usize {
-        3 * self.n_links + 6
+    /// What a vertex stores in the mean: its links, their scale, its own patch, and its place in a block.
+    pub fn bytes_per_vertex(&self) -> f32 {
+        let (blocks, vertices) = (self.rows.len(), self.patch.len());
+        let links = self.blocks.start[blocks] as usize;
+        let bytes = (2 + LANES) * links + (4 + 6 * LANES) * blocks + 2 * vertices;
+        bytes as f32 / vertices.max(1) as f32
     }
 }
 
-/// What is wrong with a tree, the patches of vertices, or the nodes of links: the tensor and why.
-pub(crate) fn check(
-    children: &[[u16; 2]],
-    patch: &[u16],
-    node: &[u16],
-) -> Result<(), (&'static str, String)> {
+/// Blocks and their vertices, with their place in the block.
+fn blocks_of_vertices(
+    rows: &[[u16; LANES]],
+) -> impl Iterator<Item = (usize, impl Iterator<Item = (usize, usize)>)> {
+    let vertices = |b: usize, rows: &[u16; LANES]| {
+        let there = rows.map(|row| (row != NO_ROW).then(|| block::first_row(b) + usize::from(row)));
+        there.into_iter().enumerate().filter_map(|(lane, v)| Some((lane, v?)))
+    };
+    rows.iter().enumerate().map(move |(b, rows)| (b, vertices(b, rows)))
+}
+
+/// The tensors of a carrier, which hold together.
+struct Parts<'a> {
+    patch: &'a [u16],
+    children: &'a [[u16; 2]],
+    part: &'a [f32],
+    rows: &'a [[u16; LANES]],
+    blocks: Blocks<'a>,
+}
+
+/// That the tensors of a carrier hold together where there are some.
+pub(crate) fn check(asset: &Asset) -> Result<(), Error> {
+    Parts::open(asset).map(|_| ())
+}
+
+impl<'a> Parts<'a> {
+    fn open(asset: &'a Asset<'a>) -> Result<Option<Parts<'a>>, Error> {
+        const NAMES: [&str; 8] = ["patch", "tree", "part", "row", "start", "node", "share", "scale"];
+        let is_there = |part: &&str| asset.tensor(&format!("indirect.{part}")).is_some();
+        if !NAMES.iter().any(is_there) {
+            return Ok(None);
+        }
+        if let Some(part) = NAMES.iter().find(|name| !is_there(name)) {
+            return Err(wrong(part, "missing"));
+        }
+        let patch = tensor(asset, "patch", Data::as_u16)?;
+        let children = bytemuck::try_cast_slice(tensor(asset, "tree", Data::as_u16)?)
+            .map_err(|_| wrong("tree", "not in pairs"))?;
+        check_tree(children, patch).map_err(|(part, what)| wrong(part, &what))?;
+        let part = tensor(asset, "part", Data::as_f32)?;
+        expect_length("part", part.len(), children.len(), "nodes")?;
+        let n_vertices = asset.n_vertices();
+        let of_vertices = n_vertices.div_ceil(LANES);
+        let n_blocks = of_vertices + leaves(children).len().div_ceil(LANES);
+        let rows: &[[u16; LANES]] = sixteens("row", tensor(asset, "row", Data::as_u16)?)?;
+        expect_length("row", rows.len(), of_vertices, "blocks")?;
+        check_rows(rows, n_vertices).map_err(|what| wrong("row", &what))?;
+        let start = tensor(asset, "start", Data::as_u32)?;
+        expect_length("start", start.len(), n_blocks + 1, "starts of blocks")?;
+        let node = tensor(asset, "node", Data::as_u16)?;
+        if start[0] != 0 || !start.is_sorted() {
+            return Err(wrong("start", "not a rising list from 0"));
+        }
+        expect_length("node", node.len(), start[n_blocks] as usize, "links")?;
+        if let Some(at) = node.iter().position(|&i| usize::from(i) >= children.len()) {
+            return Err(wrong("node", &format!("link {at} points past node {}", children.len())));
+        }
+        let share = sixteens("share", tensor(asset, "share", Data::as_u8)?)?;
+        expect_length("share", share.len(), node.len(), "links")?;
+        let scale = sixteens("scale", tensor(asset, "scale", Data::as_f32)?)?;
+        expect_length("scale", scale.len(), n_blocks, "blocks")?;
+        for (name, values) in [("scale", scale.as_flattened()), ("part", part)] {
+            if let Some(at) = values.iter().position(|x| *x < 0.0) {
+                return Err(wrong(name, &format!("value {at} is negative")));
+            }
+        }
+        let blocks = Blocks {
+            value_of_byte: block::Value::Square,
+            start: start.into(),
+            entry: node.into(),
+            value: share.into(),
+            scale: scale.into(),
+        };
+        Ok(Some(Parts { patch, children, part, rows, blocks }))
+    }
+}
+
+fn tensor<'a, T>(
+    asset: &'a Asset<'a>,
+    part: &str,
+    take: impl Fn(&'a Data<'a>) -> Option<&'a [T]>,
+) -> Result<&'a [T], Error> {
+    let found = asset.tensor(&format!("indirect.{part}")).and_then(|tensor| take(&tensor.data));
+    found.ok_or_else(|| wrong(part, "not of its type"))
+}
+
+fn sixteens<'a, T: bytemuck::Pod>(part: &str, list: &'a [T]) -> Result<&'a [[T; LANES]], Error> {
+    let (blocks, rest) = list.as_chunks();
+    if rest.is_empty() { Ok(blocks) } else { Err(wrong(part, "not in sixteens")) }
+}
+
+fn expect_length(part: &str, found: usize, expected: usize, of: &str) -> Result<(), Error> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(wrong(part, &format!("{found} {of} instead of {expected}")))
+}
+
+fn wrong(part: &str, what: &str) -> Error {
+    Error::Tensor { name: format!("indirect.{part}"), what: what.to_string() }
+}
+
+/// That each vertex is in one block of its group.
+fn check_rows(rows: &[[u16; LANES]], n_vertices: usize) -> Result<(), String> {
+    let mut found = vec![false; n_vertices];
+    for (b, vertices) in blocks_of_vertices(rows) {
+        for (_, v) in vertices {
+            match found.get_mut(v) {
+                Some(found) if !*found && v < block::first_row(b) + block::GROUP => *found = true,
+                _ => return Err(format!("block {b} has a vertex of another, {v}")),
+            }
+        }
+    }
+    match found.iter().position(|found| !found) {
+        Some(v) => Err(format!("vertex {v} is in no block")),
+        None => Ok(()),
+    }
+}
+
+/// What is wrong with a tree or the patches of vertices: the tensor and why.
+fn check_tree(children: &[[u16; 2]], patch: &[u16]) -> Result<(), (&'static str, String)> {
     let n = children.len();
     let is_tree = |(i, pair): (usize, &[u16; 2])| {
         *pair == [0, 0] || pair.iter().all(|&c| usize::from(c) > i && usize::from(c) < n)
@@ -332,14 +407,11 @@ pub(crate) fn check(
     if let Some(v) = patch.iter().position(|&p| p != NO_PATCH && !is_patch(p)) {
         return Err(("patch", format!("vertex {v} points to node {}, which is no patch", patch[v])));
     }
-    match node.iter().position(|&i| usize::from(i) >= n) {
-        Some(at) => Err(("node", format!("link {at} points past node {n}"))),
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 /// Nodes without children, rising.
-pub(crate) fn leaves(children: &[[u16; 2]]) -> Vec<u16> {
+fn leaves(children: &[[u16; 2]]) -> Vec<u16> {
     (0..children.len()).filter(|&i| children[i] == [0, 0]).map(|i| i as u16).collect()
 }
 

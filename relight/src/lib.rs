@@ -7,6 +7,7 @@
 pub mod aperture;
 pub mod asset;
 pub mod bent;
+pub mod block;
 pub mod cap;
 pub mod cubemap;
 pub mod dot;

@@ -38,6 +38,7 @@ use glam::Vec3;
 use half::f16;
 
 use crate::asset::{self, Asset};
+use crate::block;
 use crate::cubemap::{ShTable, add_disc, n_texels};
 use crate::dot;
 use crate::frame::Missing;
@@ -45,7 +46,7 @@ use crate::indirect::{Carrier, Indirect};
 use crate::light::Cap;
 use crate::sh::MAX_COEFFICIENTS;
 use crate::shell::{Blur, Material, Shell, ShellError};
-use crate::sparse::{Rows, SparseLight};
+use crate::sparse::{Rows, SparseLight, Together};
 
 mod beam;
 mod point;
@@ -77,6 +78,7 @@ pub struct PortalFrame<'a> {
 struct PortalLight<'a> {
     name: String,
     rows: Rows<'a>,
+    together: Together,
     light: SparseLight,
     lit: Lit,
     panes: Option<Panes<'a>>,
@@ -122,13 +124,14 @@ impl<'a> PortalFrame<'a> {
         let mut frame = PortalFrame {
             portals: Vec::new(),
             tables: Vec::new(),
-            carrier: Carrier::open(asset),
+            carrier: Carrier::open(asset)?,
             indirect: Indirect::None,
             n_vertices: asset.n_vertices(),
             receivers: Receivers::new(asset),
         };
+        let order = block::order(asset.positions(), asset.normals());
         while let Some(rows) = Rows::open(asset, &format!("portal.{}.direct", frame.portals.len()))? {
-            frame.add_portal(asset, rows)?;
+            frame.add_portal(asset, rows, &order)?;
         }
         if frame.portals.is_empty() {
             return Err(PortalError::NoPortals);
@@ -141,7 +144,12 @@ impl<'a> PortalFrame<'a> {
         Ok(frame)
     }
 
-    fn add_portal(&mut self, asset: &'a Asset<'a>, rows: Rows<'a>) -> Result<(), asset::Error> {
+    fn add_portal(
+        &mut self,
+        asset: &'a Asset<'a>,
+        rows: Rows<'a>,
+        order: &[u16],
+    ) -> Result<(), asset::Error> {
         let (k, n) = (self.portals.len(), rows.n());
         let shell = asset.metadata.shells.get(k + 1);
         let dark = vec![[0.0; 3]; n_texels(n)];
@@ -160,6 +168,7 @@ impl<'a> PortalFrame<'a> {
             blur: None,
             texels: dark.clone(),
             captured: dark,
+            together: Together::new(&rows, order),
             rows,
         });
         Ok(())
@@ -300,7 +309,7 @@ impl<'a> PortalFrame<'a> {
     pub fn direct(&self, first: usize, out: &mut [[f32; 3]]) {
         out.fill([0.0; 3]);
         for portal in self.portals.iter().filter(|p| p.lit == Lit::Bright) {
-            portal.rows.add(first, &portal.light, out);
+            portal.together.add(&portal.rows, first, &portal.light, out);
             let mut scratch = Scratch::default();
             for shaft in portal.shafts(&self.receivers) {
                 for (v, out) in (first..).zip(&mut *out) {
@@ -379,11 +388,13 @@ impl<'a> PortalFrame<'a> {
     pub fn bytes_per_vertex(&self) -> (f32, f32) {
         let direct: usize = self.portals.iter().map(|p| p.rows.bytes()).sum();
         let bounced = match self.indirect {
-            Indirect::None => 0,
-            Indirect::Sh => self.portals.iter().filter_map(|p| p.bounced.as_ref()).map(|b| 6 * b.n).sum(),
-            Indirect::DirectToIndirect => self.carrier.as_ref().map_or(0, Carrier::bytes_per_vertex),
+            Indirect::None => 0.0,
+            Indirect::Sh => {
+                self.portals.iter().filter_map(|p| p.bounced.as_ref()).map(|b| (6 * b.n) as f32).sum()
+            }
+            Indirect::DirectToIndirect => self.carrier.as_ref().map_or(0.0, Carrier::bytes_per_vertex),
         };
-        (direct as f32 / self.n_vertices.max(1) as f32, bounced as f32)
+        (direct as f32 / self.n_vertices.max(1) as f32, bounced)
     }
 }
 

@@ -44,6 +44,7 @@ mod rows;
 mod store;
 #[cfg(test)]
 mod tests;
+mod together;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
@@ -53,6 +54,7 @@ pub use light::SparseLight;
 pub(crate) use probe::Probe;
 pub use rows::Rows;
 pub use store::{RowStore, TooLarge};
+pub(crate) use together::Together;
 
 use crate::{cubemap, haar};
 

@@ -66,7 +66,23 @@ impl Tree {
         for (node, list) in parts {
             list.into_iter().for_each(|v| tree.patch[v] = node as u16);
         }
-        tree
+        tree.depth_first()
+    }
+
+    /// The same with its nodes numbered one branch after the other, so that neighbours have numbers close together.
+    fn depth_first(self) -> Tree {
+        let mut number = vec![0u16; self.children.len()];
+        let mut children = Vec::with_capacity(self.children.len());
+        let mut open = vec![0usize];
+        while let Some(node) = open.pop() {
+            number[node] = children.len() as u16;
+            children.push(self.children[node]);
+            open.extend(self.children[node].into_iter().rev().filter(|c| *c > 0).map(usize::from));
+        }
+        let renumber = |node: u16| number.get(usize::from(node)).copied().unwrap_or(NO_PATCH);
+        // 0 is nobody's child, and keeps its number.
+        let children = children.into_iter().map(|pair| pair.map(renumber)).collect();
+        Tree { children, patch: self.patch.into_iter().map(renumber).collect() }
     }
 
     /// Nodes without children, rising.

@@ -154,7 +154,7 @@ fn ways_of_bounced_light_that_are_absurd_or_of_none_are_named() {
     let folder = Folder::new();
     let carried = ["--portal", "glass", "--basis", "direct-to-indirect"];
     for (option, value, range) in
-        [("--links", "0", "1..=1024"), ("--links", "2000", "1..=1024"), ("--patches", "40000", "16..=32767")]
+        [("--links", "0", "1..=4096"), ("--links", "5000", "1..=4096"), ("--patches", "40000", "16..=32767")]
     {
         bake_fails(&folder, &[&carried[..], &[option, value]].concat(), &[option, value, range]);
     }

@@ -3,7 +3,7 @@
 use safetensors::Dtype;
 
 use super::{Asset, Data, Error, Tensor};
-use crate::indirect;
+use crate::block::LANES;
 use crate::sh::MAX_COEFFICIENTS;
 use crate::sparse::Rows;
 
@@ -23,7 +23,8 @@ enum Shape {
     VertexSquareTriple,
     Any,
     AnyPair,
-    AnyAny,
+    /// Any length, of blocks.
+    Block,
 }
 
 const RULES: &[Rule] = &[
@@ -39,10 +40,12 @@ const RULES: &[Rule] = &[
     Rule { name: "portal.*.indirect.sh", dtype: Dtype::F16, shape: Shape::VertexSquareTriple },
     Rule { name: "indirect.patch", dtype: Dtype::U16, shape: Shape::Vertex },
     Rule { name: "indirect.tree", dtype: Dtype::U16, shape: Shape::AnyPair },
-    Rule { name: "indirect.node", dtype: Dtype::U16, shape: Shape::AnyAny },
-    Rule { name: "indirect.share", dtype: Dtype::U8, shape: Shape::AnyAny },
-    Rule { name: "indirect.scale", dtype: Dtype::F32, shape: Shape::Any },
     Rule { name: "indirect.part", dtype: Dtype::F32, shape: Shape::Any },
+    Rule { name: "indirect.row", dtype: Dtype::U16, shape: Shape::Block },
+    Rule { name: "indirect.start", dtype: Dtype::U32, shape: Shape::Any },
+    Rule { name: "indirect.node", dtype: Dtype::U16, shape: Shape::Any },
+    Rule { name: "indirect.share", dtype: Dtype::U8, shape: Shape::Block },
+    Rule { name: "indirect.scale", dtype: Dtype::F32, shape: Shape::Block },
 ];
 
 /// In `indirect.patch`: a vertex that reflects nothing.
@@ -82,7 +85,7 @@ pub fn tensors(asset: &Asset) -> Result<(), Error> {
     }
     sparse_rows(asset)?;
     crate::portal_frame::check(asset)?;
-    links(asset)?;
+    crate::indirect::check(asset)?;
     crate::glossy::check(asset)?;
     match asset.triangles().as_flattened().iter().position(|&v| v as usize >= n_vertices) {
         Some(at) => Err(wrong("mesh.index", &format!("triangle {} points past vertex {n_vertices}", at / 3))),
@@ -101,45 +104,6 @@ fn sparse_rows(asset: &Asset) -> Result<(), Error> {
         }
         if *part == ".direct.start" {
             Rows::open(asset, prefix)?;
-        }
-    }
-    Ok(())
-}
-
-/// Patches and their links go together; rows are those of the vertices and of the patches.
-fn links(asset: &Asset) -> Result<(), Error> {
-    let names = ["patch", "tree", "node", "share", "scale", "part"].map(|part| format!("indirect.{part}"));
-    let found = names.each_ref().map(|name| asset.tensor(name));
-    let [Some(patch), Some(tree), Some(node), Some(share), Some(scale), Some(part)] = found else {
-        return match names.iter().zip(found).find(|(_, tensor)| tensor.is_none()) {
-            Some((name, _)) if found.iter().any(Option::is_some) => Err(wrong(name, "missing")),
-            _ => Ok(()),
-        };
-    };
-    let (Data::U16(patch), Data::U16(tree), Data::U16(nodes)) = (&patch.data, &tree.data, &node.data) else {
-        return Ok(());
-    };
-    let Ok(children) = bytemuck::try_cast_slice(tree) else { return Ok(()) };
-    indirect::check(children, patch, nodes)
-        .map_err(|(part, what)| wrong(&format!("indirect.{part}"), &what))?;
-    let rows = patch.len() + indirect::leaves(children).len();
-    if node.shape[0] != rows {
-        return Err(wrong(&names[2], &format!("{} rows instead of {rows}", node.shape[0])));
-    }
-    for (name, tensor, shape) in [
-        (&names[3], share, node.shape.as_slice()),
-        (&names[4], scale, &[rows]),
-        (&names[5], part, &[children.len()]),
-    ] {
-        if tensor.shape != shape {
-            return Err(wrong(name, &format!("shape {:?} instead of {shape:?}", tensor.shape)));
-        }
-    }
-    for (name, tensor) in [(&names[4], scale), (&names[5], part)] {
-        if let Data::F32(values) = &tensor.data
-            && let Some(at) = values.iter().position(|x| *x < 0.0)
-        {
-            return Err(wrong(name, &format!("value {at} is negative")));
         }
     }
     Ok(())
@@ -165,7 +129,7 @@ fn known(rule: &Rule, name: &str, tensor: &Tensor, v: usize) -> Result<(), Error
         (Shape::VertexSquareTriple, &[a, k, 3]) => a == v && square(k),
         (Shape::Any, &[_]) => true,
         (Shape::AnyPair, &[n, 2]) => n > 0,
-        (Shape::AnyAny, &[n, k]) => n > 0 && k > 0,
+        (Shape::Block, &[_, LANES]) => true,
         _ => false,
     };
     if fits {

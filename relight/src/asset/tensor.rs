@@ -34,6 +34,28 @@ pub enum Data<'a> {
     U32(Cow<'a, [u32]>),
 }
 
+impl Data<'_> {
+    /// The values, if they are bytes.
+    pub(crate) fn as_u8(&self) -> Option<&[u8]> {
+        if let Data::U8(values) = self { Some(values) } else { None }
+    }
+
+    /// The values, if they are short unsigned integers.
+    pub(crate) fn as_u16(&self) -> Option<&[u16]> {
+        if let Data::U16(values) = self { Some(values) } else { None }
+    }
+
+    /// The values, if they are unsigned integers.
+    pub(crate) fn as_u32(&self) -> Option<&[u32]> {
+        if let Data::U32(values) = self { Some(values) } else { None }
+    }
+
+    /// The values, if they are floats.
+    pub(crate) fn as_f32(&self) -> Option<&[f32]> {
+        if let Data::F32(values) = self { Some(values) } else { None }
+    }
+}
+
 impl<'a> Tensor<'a> {
     pub(super) fn from_view(name: &str, view: &TensorView<'a>) -> Result<Tensor<'a>, Error> {
         let data = match view.dtype() {

@@ -2,6 +2,7 @@ use std::borrow::Cow;
 
 use super::*;
 use crate::asset::Metadata;
+use crate::block::GROUP;
 use crate::light::{CieOvercast, Sky, Source};
 
 /// A strip of `v` vertices at (i / 2, 0, i mod 2) in triangles, `k` links per row; three patches, the first apart from
@@ -19,25 +20,51 @@ fn strip(v: usize, k: usize) -> Asset<'static> {
     asset.insert("indirect.patch", &[v], Data::U16(Cow::Owned(patch)));
     let tree = vec![1, 2, 0, 0, 3, 4, 0, 0, 0, 0];
     asset.insert("indirect.tree", &[5, 2], Data::U16(Cow::Owned(tree)));
-    let rows = v + 3;
-    let node = (0..rows * k).map(|i| (i * 7 % 5) as u16).collect();
-    asset.insert("indirect.node", &[rows, k], Data::U16(Cow::Owned(node)));
-    let share = (0..rows * k).map(|i| (i * 31 % 256) as u8).collect();
-    asset.insert("indirect.share", &[rows, k], Data::U8(Cow::Owned(share)));
-    // Rows of about a half in all.
-    let scale = (0..rows).map(|i| (1.0 + 0.2 * (i as f32).sin()) * 2.0e-5 / k as f32).collect();
-    asset.insert("indirect.scale", &[rows], Data::F32(Cow::Owned(scale)));
     asset.insert("indirect.part", &[5], Data::F32(Cow::Owned(vec![1.0, 0.4, 0.6, 0.3, 0.7])));
+    // Groups from their last vertex to their first.
+    let mut row = vec![NO_ROW; v.div_ceil(LANES) * LANES];
+    (0..v).for_each(|i| row[place(v, i)] = (i % GROUP) as u16);
+    let blocks = v.div_ceil(LANES) + 1;
+    asset.insert("indirect.row", &[row.len() / LANES, LANES], Data::U16(Cow::Owned(row)));
+    let start = (0..=blocks).map(|b| (b * k) as u32).collect();
+    asset.insert("indirect.start", &[blocks + 1], Data::U32(Cow::Owned(start)));
+    let links = blocks * k;
+    let node = (0..links).map(|i| (i * 7 % 5) as u16).collect();
+    asset.insert("indirect.node", &[links], Data::U16(Cow::Owned(node)));
+    let share = (0..LANES * links).map(|i| (i * 31 % 253) as u8).collect();
+    asset.insert("indirect.share", &[links, LANES], Data::U8(Cow::Owned(share)));
+    // Rows of about a half in all.
+    let scale = (0..LANES * blocks).map(|i| (1.0 + 0.2 * (i as f32).sin()) * 2.0e-5 / k as f32).collect();
+    asset.insert("indirect.scale", &[blocks, LANES], Data::F32(Cow::Owned(scale)));
     asset
+}
+
+/// Where row `i`, of a vertex or a patch of a strip, is in its blocks.
+fn place(v: usize, i: usize) -> usize {
+    match i.checked_sub(v) {
+        Some(patch) => v.next_multiple_of(LANES) + patch,
+        None => {
+            let group = i / GROUP * GROUP;
+            group + v.min(group + GROUP) - 1 - i
+        }
+    }
 }
 
 /// The sums as they are defined, iterated to the end.
 fn naive(asset: &Asset, direct: &[[f32; 3]]) -> Vec<[f64; 3]> {
-    let (v, k) = (direct.len(), asset.tensor("indirect.node").unwrap().shape[1]);
+    let v = direct.len();
     let Data::U16(patch) = &asset.tensor("indirect.patch").unwrap().data else { panic!() };
     let Data::U16(node) = &asset.tensor("indirect.node").unwrap().data else { panic!() };
     let Data::U8(share) = &asset.tensor("indirect.share").unwrap().data else { panic!() };
     let Data::F32(scale) = &asset.tensor("indirect.scale").unwrap().data else { panic!() };
+    let Data::U32(start) = &asset.tensor("indirect.start").unwrap().data else { panic!() };
+    // Nodes and worths of a row.
+    let links = |i: usize| {
+        let (block, lane) = (place(v, i) / LANES, place(v, i) % LANES);
+        let scale = f64::from(scale[LANES * block + lane]);
+        let link = move |l: usize| (node[l], scale * f64::from(share[LANES * l + lane]).powi(2));
+        (start[block] as usize..start[block + 1] as usize).map(link)
+    };
     let mut area = vec![0.0f64; v];
     for t in asset.triangles() {
         // All triangles of the strip are halves of unit squares.
@@ -45,8 +72,7 @@ fn naive(asset: &Asset, direct: &[[f32; 3]]) -> Vec<[f64; 3]> {
     }
     // Weighed by what a vertex sees.
     for (i, area) in area.iter_mut().enumerate() {
-        let squares = share[i * k..(i + 1) * k].iter().map(|q| f64::from(*q).powi(2));
-        *area *= f64::from(scale[i]) * squares.sum::<f64>();
+        *area *= links(i).map(|link| link.1).sum::<f64>();
     }
     let mut out = vec![[0.0; 3]; v];
     for c in 0..3 {
@@ -63,8 +89,7 @@ fn naive(asset: &Asset, direct: &[[f32; 3]]) -> Vec<[f64; 3]> {
             [f64::from(0.4f32) * b[0] + f64::from(0.6f32) * second, b[0], second, b[1], b[2]]
         };
         let row = |r: usize, b: [f64; 3]| -> f64 {
-            let link = |i: usize| f64::from(share[i]).powi(2) * nodes(b)[usize::from(node[i])];
-            f64::from(scale[r]) * (r * k..(r + 1) * k).map(link).sum::<f64>()
+            links(r).map(|(node, worth)| worth * nodes(b)[usize::from(node)]).sum()
         };
         let mut b = own;
         for _ in 0..200 {
@@ -79,12 +104,11 @@ fn naive(asset: &Asset, direct: &[[f32; 3]]) -> Vec<[f64; 3]> {
 
 #[test]
 fn carrier_is_its_sums() {
-    for (v, k) in [(10, 1), (12, 7), (301, 16), (40, 64), (33, 99), (35, 160)] {
+    for (v, k) in [(10, 1), (12, 7), (301, 16), (40, 64), (33, 99), (35, 160), (1100, 5)] {
         let asset = strip(v, k);
         asset.to_bytes().expect("a good asset");
         let direct: Vec<[f32; 3]> = (0..v).map(|i| [i as f32, 1.0, (i % 5) as f32]).collect();
-        let mut carrier = Carrier::open(&asset).unwrap();
-        assert_eq!(carrier.n_links(), k);
+        let mut carrier = Carrier::open(&asset).unwrap().unwrap();
         carrier.reflect(&direct);
         let mut out = vec![[1.0; 3]; v];
         carrier.add(0, &mut out);
@@ -107,7 +131,7 @@ fn light_bounces_as_often_as_the_bake_says() {
     let mut asset = strip(12, 9);
     let direct = [[2.0, 1.0, 3.0]; 12];
     let lit = |asset: &Asset<'static>| {
-        let mut carrier = Carrier::open(asset).unwrap();
+        let mut carrier = Carrier::open(asset).unwrap().unwrap();
         carrier.reflect(&direct);
         let mut out = [[0.0; 3]; 12];
         carrier.add(0, &mut out);
@@ -126,7 +150,7 @@ fn light_bounces_as_often_as_the_bake_says() {
 #[test]
 fn dark_direct_light_bounces_nothing() {
     let asset = strip(12, 9);
-    let mut carrier = Carrier::open(&asset).unwrap();
+    let mut carrier = Carrier::open(&asset).unwrap().unwrap();
     carrier.reflect(&[[3.0; 3]; 12]);
     carrier.reflect(&[[0.0; 3]; 12]);
     let mut out = [[0.0; 3]; 12];
@@ -154,14 +178,25 @@ fn broken_carriers_are_named() {
     assert!(tree([1, 2, 0, 0, 3, 0, 0, 0, 0, 0]).contains("node 2 do not"));
     assert!(tree([1, 2, 3, 4, 3, 4, 0, 0, 0, 0]).contains("node 3 has 2 parents"));
     assert!(tree([1, 2, 0, 0, 0, 0, 0, 0, 0, 0]).contains("node 3 has 0 parents"));
-    assert!(error("indirect.node", &[15, 9], words(vec![5; 135])).contains("link 0 points past node 5"));
-    assert!(error("indirect.node", &[14, 9], words(vec![0; 126])).contains("14 rows instead of 15"));
+    // One block of vertices and one of patches.
+    assert!(error("indirect.node", &[18], words(vec![5; 18])).contains("link 0 points past node 5"));
+    assert!(error("indirect.node", &[17], words(vec![0; 17])).contains("17 links instead of 18"));
+    let starts = |list: Vec<u32>| error("indirect.start", &[list.len()], Data::U32(Cow::Owned(list)));
+    assert!(starts(vec![0, 19, 18]).contains("not a rising list from 0"));
+    assert!(starts(vec![0, 18]).contains("2 starts of blocks instead of 3"));
+    let row = |list: Vec<u16>| error("indirect.row", &[list.len() / LANES, LANES], words(list));
+    let rows = |last: u16| (0..11).chain([last]).chain([NO_ROW; 4]).collect::<Vec<u16>>();
+    assert!(row(rows(NO_ROW)).contains("vertex 11 is in no block"));
+    assert!(row(rows(12)).contains("block 0 has a vertex of another, 12"));
+    assert!(row(rows(3)).contains("block 0 has a vertex of another, 3"));
+    assert!(row([rows(11), vec![NO_ROW; LANES]].concat()).contains("2 blocks instead of 1"));
     let bytes = |n| Data::U8(Cow::Owned(vec![1; n]));
-    assert!(error("indirect.share", &[15, 8], bytes(120)).contains("[15, 8] instead of [15, 9]"));
-    assert!(error("indirect.scale", &[14], floats(vec![0.1; 14])).contains("[14] instead of [15]"));
-    assert!(error("indirect.scale", &[15], floats(vec![-0.1; 15])).contains("value 0 is negative"));
+    assert!(error("indirect.share", &[17, LANES], bytes(17 * LANES)).contains("17 links instead of 18"));
+    assert!(error("indirect.share", &[18, 8], bytes(144)).contains("does not fit"));
+    assert!(error("indirect.scale", &[1, LANES], floats(vec![0.1; 16])).contains("1 blocks instead of 2"));
+    assert!(error("indirect.scale", &[2, LANES], floats(vec![-0.1; 32])).contains("value 0 is negative"));
     assert!(error("indirect.part", &[5], floats(vec![-0.1; 5])).contains("value 0 is negative"));
-    assert!(error("indirect.part", &[4], floats(vec![0.1; 4])).contains("[4] instead of [5]"));
+    assert!(error("indirect.part", &[4], floats(vec![0.1; 4])).contains("4 nodes instead of 5"));
 }
 
 #[test]

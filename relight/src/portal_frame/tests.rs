@@ -4,6 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::*;
 use crate::asset::{Data, Metadata, Shell as ShellInfo};
+use crate::block::{LANES, NO_ROW};
 use crate::cubemap;
 use crate::sh;
 use crate::sparse::{Encoder, Encoding, RowStore};
@@ -172,11 +173,17 @@ fn bounced_light_may_be_carried_from_direct_light() {
     asset.insert("indirect.patch", &[V], Data::U16(Cow::Owned(vec![0; V])));
     asset.insert("indirect.tree", &[1, 2], Data::U16(Cow::Owned(vec![0, 0])));
     asset.insert("indirect.part", &[1], Data::F32(Cow::Owned(vec![1.0])));
-    // Rows of the vertices and of the one patch, which does not see itself.
-    asset.insert("indirect.node", &[V + 1, 2], Data::U16(Cow::Owned(vec![0; 2 * (V + 1)])));
-    asset.insert("indirect.share", &[V + 1, 2], Data::U8(Cow::Owned(vec![5; 2 * (V + 1)])));
-    let scale = (0..=V).map(|row| if row < V { 0.01 } else { 0.0 }).collect();
-    asset.insert("indirect.scale", &[V + 1], Data::F32(Cow::Owned(scale)));
+    // Blocks of the vertices, and one of the patch, which does not see itself.
+    let blocks = V.div_ceil(LANES);
+    let row = (0..blocks * LANES).map(|v| if v < V { v as u16 } else { NO_ROW }).collect();
+    asset.insert("indirect.row", &[blocks, LANES], Data::U16(Cow::Owned(row)));
+    let start = (0..=blocks as u32 + 1).map(|b| 2 * b.min(blocks as u32)).collect();
+    asset.insert("indirect.start", &[blocks + 2], Data::U32(Cow::Owned(start)));
+    asset.insert("indirect.node", &[2 * blocks], Data::U16(Cow::Owned(vec![0; 2 * blocks])));
+    let share = vec![5; 2 * blocks * LANES];
+    asset.insert("indirect.share", &[2 * blocks, LANES], Data::U8(Cow::Owned(share)));
+    let scale = vec![0.01; (blocks + 1) * LANES];
+    asset.insert("indirect.scale", &[blocks + 1, LANES], Data::F32(Cow::Owned(scale)));
     let mut frame = PortalFrame::new(&asset).unwrap();
     assert_eq!(frame.indirect(), Indirect::Sh);
     frame.set_indirect(Indirect::DirectToIndirect).unwrap();

@@ -65,6 +65,11 @@ impl SparseLight {
         }
     }
 
+    /// Entries with their colours together: texels, or those of Haar rows.
+    pub(super) fn entries(&self, is_haar: bool) -> &[Vec4] {
+        if is_haar { &self.haar } else { &self.pulse }
+    }
+
     /// Entries and zeros behind them, by [`Basis`](super::Basis) and colour.
     pub(super) fn planes(&self) -> Planes<'_> {
         self.planes.each_ref().map(|planes| planes.each_ref().map(Vec::as_slice))

@@ -1,14 +1,13 @@
 //! What an interior adds: sparse rows and SH of a portal, and bounced light from direct light.
 
 use super::*;
+use crate::block::{LANES, NO_ROW};
 use crate::portal_frame::PortalFrame;
 use crate::sparse::{Encoder, Encoding, RowStore};
 
-/// Patches and links.
-const P: usize = 2;
+/// Links of each block, of which one is of the three vertices and one of the two patches.
 const K: usize = 4;
-/// Rows of the three vertices and of the patches.
-const ROWS: usize = 3 + P;
+const BLOCKS: usize = 2;
 
 fn room() -> Asset<'static> {
     let mut asset = sample();
@@ -24,9 +23,13 @@ fn room() -> Asset<'static> {
     asset.insert_scaled("portal.0.indirect.sh", &[3, 4, 3], &[0.1; 36]);
     asset.insert("indirect.patch", &[3], Data::U16(Cow::Owned(vec![1, 2, NO_PATCH])));
     asset.insert("indirect.tree", &[3, 2], Data::U16(Cow::Owned(vec![1, 2, 0, 0, 0, 0])));
-    asset.insert("indirect.node", &[ROWS, K], Data::U16(Cow::Owned(vec![1; ROWS * K])));
-    asset.insert("indirect.share", &[ROWS, K], Data::U8(Cow::Owned(vec![100; ROWS * K])));
-    asset.insert("indirect.scale", &[ROWS], Data::F32(Cow::Owned(vec![1e-5; ROWS])));
+    let row = (0..LANES as u16).map(|v| if v < 3 { v } else { NO_ROW }).collect();
+    asset.insert("indirect.row", &[1, LANES], Data::U16(Cow::Owned(row)));
+    let links = BLOCKS * K;
+    asset.insert("indirect.start", &[BLOCKS + 1], Data::U32(Cow::Owned(vec![0, K as u32, links as u32])));
+    asset.insert("indirect.node", &[links], Data::U16(Cow::Owned(vec![1; links])));
+    asset.insert("indirect.share", &[links, LANES], Data::U8(Cow::Owned(vec![100; links * LANES])));
+    asset.insert("indirect.scale", &[BLOCKS, LANES], Data::F32(Cow::Owned(vec![1e-5; BLOCKS * LANES])));
     asset.insert("indirect.part", &[3], Data::F32(Cow::Owned(vec![1.0, 0.5, 0.5])));
     asset
 }
@@ -47,7 +50,7 @@ fn interior_survives_a_round_trip_and_can_be_lit() {
     assert_eq!(back.to_bytes().unwrap(), bytes);
     let frame = PortalFrame::new(&back).unwrap();
     assert_eq!((frame.n_portals(), frame.resolution(0), frame.n_vertices()), (1, 8, 3));
-    assert!(crate::indirect::Carrier::open(&back).is_some_and(|carrier| carrier.n_links() == K));
+    assert!(crate::indirect::Carrier::open(&back).is_ok_and(|carrier| carrier.is_some()));
 }
 
 #[test]
@@ -89,30 +92,31 @@ fn bounced_light_needs_all_of_its_tensors() {
 
 #[test]
 fn bounced_light_has_a_row_for_each_vertex_and_patch() {
-    // One row or column too few or too many, and only the vertices.
-    for (rows, k) in [(ROWS - 1, K), (ROWS + 1, K), (3, K), (ROWS, K + 1), (ROWS, 0)] {
+    // One link or block too few or too many.
+    for links in [BLOCKS * K - 1, BLOCKS * K + 1, 0] {
         let mut asset = room();
-        asset.insert("indirect.share", &[rows, k], Data::U8(Cow::Owned(vec![1; rows * k])));
-        assert_refused(&asset, "indirect.share", "shape");
+        asset.insert("indirect.share", &[links, LANES], Data::U8(Cow::Owned(vec![1; links * LANES])));
+        assert_refused(&asset, "indirect.share", &format!("{links} links instead of {}", BLOCKS * K));
     }
-    for rows in [ROWS - 1, ROWS + 1, 3] {
+    for blocks in [BLOCKS - 1, BLOCKS + 1] {
         let mut asset = room();
-        asset.insert("indirect.node", &[rows, K], Data::U16(Cow::Owned(vec![0; rows * K])));
-        assert_refused(&asset, "indirect.node", &format!("{rows} rows instead of {ROWS}"));
-        let mut asset = room();
-        asset.insert("indirect.scale", &[rows], Data::F32(Cow::Owned(vec![0.0; rows])));
-        assert_refused(&asset, "indirect.scale", "shape");
+        let scale = vec![0.0; blocks * LANES];
+        asset.insert("indirect.scale", &[blocks, LANES], Data::F32(Cow::Owned(scale)));
+        assert_refused(&asset, "indirect.scale", &format!("{blocks} blocks instead of {BLOCKS}"));
     }
+    let mut asset = room();
+    asset.insert("indirect.share", &[BLOCKS * K, 15], Data::U8(Cow::Owned(vec![1; BLOCKS * K * 15])));
+    assert_refused(&asset, "indirect.share", "shape");
 }
 
 #[test]
 fn bounced_light_is_finite_and_of_its_types() {
-    for (name, n) in [("indirect.scale", ROWS), ("indirect.part", 3)] {
+    for (name, shape) in [("indirect.scale", &[BLOCKS, LANES][..]), ("indirect.part", &[3])] {
         for bad in [f32::NAN, f32::INFINITY] {
-            let mut values = vec![0.1; n];
+            let mut values = vec![0.1; shape.iter().product()];
             values[2] = bad;
             let mut asset = room();
-            asset.insert(name, &[n], Data::F32(Cow::Owned(values)));
+            asset.insert(name, shape, Data::F32(Cow::Owned(values)));
             assert_refused(&asset, name, "value 2 is not a finite number");
         }
     }
@@ -136,9 +140,10 @@ fn bounced_light_is_finite_and_of_its_types() {
         assert!(asset.to_bytes().unwrap_err().to_string().contains("is not a positive number"));
     }
     let mut asset = room();
-    asset.insert("indirect.node", &[ROWS, K], Data::U32(Cow::Owned(vec![0; ROWS * K])));
+    asset.insert("indirect.node", &[BLOCKS * K], Data::U32(Cow::Owned(vec![0; BLOCKS * K])));
     assert_refused(&asset, "indirect.node", "U32 instead of U16");
     let mut asset = room();
-    asset.insert("indirect.share", &[ROWS, K], Data::F32(Cow::Owned(vec![0.1; ROWS * K])));
+    let share = vec![0.1; BLOCKS * K * LANES];
+    asset.insert("indirect.share", &[BLOCKS * K, LANES], Data::F32(Cow::Owned(share)));
     assert_refused(&asset, "indirect.share", "F32 instead of U8");
 }

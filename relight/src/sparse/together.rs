@@ -1,0 +1,234 @@
+//! The rows of an asset in blocks of neighbours ([`block`](crate::block)), for a frame.
+//!
+//! A row of its own is some twenty short runs, each a vector of which a part is used; sixteen neighbours, which see the
+//! same window, have nearly the same entries. A group of vertices stays in rows where that would cost less: where runs
+//! are long, as those of a whole sky are, or neighbours share little. The file knows nothing of blocks.
+
+use super::{Basis, Rows, SparseLight};
+use crate::block::{self, Blocks, GROUP, LANES, NO_ROW, Value};
+use crate::cubemap;
+
+/// What a row costs beside its runs, what a run does, and an entry of a block, by a measurement of each; in turns of an
+/// AVX-512 unit.
+const ROW: usize = 8;
+const RUN: usize = 3;
+const ENTRY: usize = 3;
+
+/// Rows in blocks, where that is worth it.
+pub(crate) struct Together {
+    /// Whether each group is in blocks.
+    is_blocked: Vec<bool>,
+    kinds: [Kind; 2],
+}
+
+/// The blocks of rows whose bytes mean the same.
+struct Kind {
+    /// Group g has the blocks `group[g]..group[g + 1]`.
+    group: Vec<u32>,
+    rows: Vec<[u16; LANES]>,
+    blocks: Blocks<'static>,
+}
+
+impl Together {
+    /// Of rows whose vertices go into blocks in the [`order`](crate::block::order).
+    pub fn new(rows: &Rows, order: &[u16]) -> Together {
+        let mut together =
+            Together { is_blocked: Vec::new(), kinds: [Value::Unsigned, Value::Signed].map(Kind::new) };
+        let mut union = Union::new(rows.n());
+        for (g, order) in order.chunks(GROUP).enumerate() {
+            together.add_group(rows, g * GROUP, order, &mut union);
+        }
+        together
+    }
+
+    fn add_group(&mut self, rows: &Rows, first: usize, order: &[u16], union: &mut Union) {
+        let before = self.kinds.each_ref().map(|kind| kind.rows.len());
+        let mut cost = 0;
+        for kind in &mut self.kinds {
+            let has_some = |row: &&u16| {
+                let v = first + usize::from(**row);
+                rows.start[v] < rows.start[v + 1] && (rows.basis(v) == Basis::Haar) == kind.is_haar()
+            };
+            let list: Vec<u16> = order.iter().filter(has_some).copied().collect();
+            for list in list.chunks(LANES) {
+                cost += ENTRY * kind.push(rows, first, list, union) + ROW * LANES / 2;
+            }
+        }
+        let runs = rows.first_run[first + order.len()] - rows.first_run[first];
+        let is_blocked = cost < RUN * runs as usize + ROW * order.len();
+        if !is_blocked {
+            self.kinds.iter_mut().zip(before).for_each(|(kind, before)| kind.truncate(before));
+        }
+        self.is_blocked.push(is_blocked);
+        self.kinds.iter_mut().for_each(|kind| kind.group.push(kind.rows.len() as u32));
+    }
+
+    /// As [`Rows::add`], of the rows that this was made of; best by multiples of [`GROUP`].
+    ///
+    /// # Panics
+    /// As [`Rows::add`].
+    pub fn add(&self, rows: &Rows, first: usize, light: &SparseLight, out: &mut [[f32; 3]]) {
+        let end = first + out.len();
+        for g in first / GROUP..end.div_ceil(GROUP) {
+            if self.is_blocked[g] {
+                self.kinds.iter().for_each(|kind| kind.add(g, first, light, out));
+            } else {
+                let (from, to) = (first.max(g * GROUP), end.min((g + 1) * GROUP));
+                rows.add(from, light, &mut out[from - first..to - first]);
+            }
+        }
+    }
+}
+
+impl Kind {
+    fn new(of: Value) -> Kind {
+        let blocks = Blocks {
+            value_of_byte: of,
+            start: vec![0].into(),
+            entry: Vec::new().into(),
+            value: Vec::new().into(),
+            scale: Vec::new().into(),
+        };
+        Kind { group: vec![0], rows: Vec::new(), blocks }
+    }
+
+    fn is_haar(&self) -> bool {
+        self.blocks.value_of_byte == Value::Signed
+    }
+
+    /// A block more, of up to sixteen rows; its entries.
+    fn push(&mut self, rows: &Rows, first: usize, list: &[u16], union: &mut Union) -> usize {
+        let (mut members, mut scale) = ([NO_ROW; LANES], [0.0; LANES]);
+        for (lane, &row) in list.iter().enumerate() {
+            let v = first + usize::from(row);
+            (members[lane], scale[lane]) = (row, rows.scale[v]);
+            rows.each(v, |entry, byte| union.set(entry, lane, byte));
+        }
+        let before = self.blocks.entry.len();
+        union.take(self.blocks.entry.to_mut(), self.blocks.value.to_mut());
+        self.blocks.start.to_mut().push(self.blocks.entry.len() as u32);
+        self.rows.push(members);
+        self.blocks.scale.to_mut().push(scale);
+        self.blocks.entry.len() - before
+    }
+
+    fn truncate(&mut self, n_blocks: usize) {
+        self.rows.truncate(n_blocks);
+        self.blocks.scale.to_mut().truncate(n_blocks);
+        self.blocks.start.to_mut().truncate(n_blocks + 1);
+        let n = self.blocks.start[n_blocks] as usize;
+        self.blocks.entry.to_mut().truncate(n);
+        self.blocks.value.to_mut().truncate(n);
+    }
+
+    fn add(&self, g: usize, first: usize, light: &SparseLight, out: &mut [[f32; 3]]) {
+        let light = light.entries(self.is_haar());
+        for b in self.group[g] as usize..self.group[g + 1] as usize {
+            block::add_to(&self.blocks.sums(b, light), &self.rows[b], g * GROUP, first, out);
+        }
+    }
+}
+
+impl Rows<'_> {
+    /// Each entry of row `v` that is not 0, columns by their texels, and its byte.
+    fn each(&self, v: usize, mut take: impl FnMut(usize, u8)) {
+        let n = self.n();
+        let is_columns = self.basis(v) == Basis::Columns;
+        let mut values = self.value[self.start[v] as usize..self.start[v + 1] as usize].iter();
+        let mut at = 0;
+        for [gap, length] in &self.runs[self.first_run[v] as usize..self.first_run[v + 1] as usize] {
+            at += usize::from(*gap);
+            for (byte, p) in values.by_ref().take(usize::from(*length)).zip(at..) {
+                let texel = if is_columns { p / (n * n) * n * n + p % n * n + p % (n * n) / n } else { p };
+                if *byte != 0 {
+                    take(texel, *byte);
+                }
+            }
+            at += usize::from(*length);
+        }
+    }
+}
+
+/// The entries of some rows together.
+struct Union {
+    /// 1 + the place of each entry in the list; 0: none.
+    place: Vec<u16>,
+    list: Vec<(u16, [u8; LANES])>,
+}
+
+impl Union {
+    fn new(n: usize) -> Union {
+        Union { place: vec![0; super::n_haar_entries(n).max(cubemap::n_texels(n))], list: Vec::new() }
+    }
+
+    fn set(&mut self, entry: usize, lane: usize, byte: u8) {
+        if self.place[entry] == 0 {
+            self.list.push((entry as u16, [0; LANES]));
+            self.place[entry] = self.list.len() as u16;
+        }
+        self.list[usize::from(self.place[entry]) - 1].1[lane] = byte;
+    }
+
+    /// Moves all to the ends of other lists, by rising entries.
+    fn take(&mut self, entries: &mut Vec<u16>, values: &mut Vec<[u8; LANES]>) {
+        self.list.sort_unstable_by_key(|(entry, _)| *entry);
+        for (entry, bytes) in self.list.drain(..) {
+            self.place[usize::from(entry)] = 0;
+            entries.push(entry);
+            values.push(bytes);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::{Asset, Data, Metadata};
+    use crate::sparse::{Choice, Encoder, Encoding, RowStore};
+
+    #[test]
+    fn blocks_add_what_rows_do() {
+        const N: usize = 16;
+        const V: usize = 2 * GROUP + 37;
+        let choices = [Choice::Smaller, Choice::Only(Basis::Pulse), Choice::Only(Basis::Haar)];
+        let mut encoders = choices.map(|choice| Encoder::new(N, Encoding { choice, ..Encoding::default() }));
+        let mut store = RowStore::default();
+        for v in 0..V {
+            // A window, tall or wide, that moves with the vertex; some see none of it, and the last group all of the sky.
+            let (x, y) = (v % 5 + v / 300, v % 3);
+            let mut row = vec![0.0; cubemap::n_texels(N)];
+            let inside = |t: usize| match v / GROUP {
+                2 => true,
+                _ if v % 11 == 0 => false,
+                _ => t / (N * N) == 2 && (x..x + 3).contains(&(t % N)) && (y..y + 9).contains(&(t / N % N)),
+            };
+            let worth = |t: usize| if inside(t) { 0.01 + 0.001 * ((t * 7 + v) % 9) as f32 } else { 0.0 };
+            row.iter_mut().enumerate().for_each(|(t, r)| *r = worth(t));
+            store.push(&encoders[v % 3].encode(&row));
+        }
+        let mut asset = Asset::new(Metadata::new("room"));
+        asset.insert("mesh.position", &[V, 3], Data::F32(vec![0.0; 3 * V].into()));
+        store.insert_into(&mut asset, "portal.0.direct", N).unwrap();
+        let rows = Rows::open(&asset, "portal.0.direct").unwrap().unwrap();
+        let position: Vec<[f32; 3]> =
+            (0..V).map(|v| [(v % 5) as f32, (v % 3) as f32, (v / 300) as f32]).collect();
+        let order = block::order(&position, &vec![[0.0, 1.0, 0.0]; V]);
+        let together = Together::new(&rows, &order);
+        assert_eq!(together.is_blocked, [true, true, false], "windows in blocks, the sky in rows");
+        assert!(together.kinds.iter().all(|kind| !kind.rows.is_empty()), "both kinds");
+        let mut light = SparseLight::new(N);
+        let texels: Vec<[f32; 3]> =
+            (0..cubemap::n_texels(N)).map(|t| [1.0 + (t % 13) as f32, (t % 7) as f32, 0.5]).collect();
+        light.set(&texels);
+        for (first, count) in [(0, V), (5, 20), (GROUP - 3, 9), (GROUP, GROUP), (2 * GROUP - 1, 38), (V, 0)] {
+            let (mut expected, mut found) = (vec![[0.25; 3]; count], vec![[0.25; 3]; count]);
+            rows.add_portable(first, &light, &mut expected);
+            together.add(&rows, first, &light, &mut found);
+            let largest = expected.iter().flatten().fold(0.0f32, |a, e| a.max(*e));
+            for (a, b) in found.iter().flatten().zip(expected.iter().flatten()) {
+                // Rounding of the sums' order: up to 1536 products.
+                assert!((a - b).abs() <= 2e-5 * largest, "{a} {b}, from {first}");
+            }
+        }
+    }
+}
