@@ -286,6 +286,8 @@ impl Frame<'_> {
             }
         }
         let background = |d| self.light.radiance(d);
-        means(&self.visibility.shade_through(Some(&frame), &surface, &radiance, background).expect("a picture"))
+        means(
+            &self.visibility.shade_through(Some(&frame), &surface, &radiance, background).expect("a picture"),
+        )
     }
 }

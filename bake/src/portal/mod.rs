@@ -14,6 +14,7 @@ mod gate;
 mod orient;
 mod outside;
 mod resume;
+mod reveal;
 
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,6 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::Vec3;
 use lunette_relight::asset::{Asset, Data, Shell};
 use lunette_relight::cubemap::n_texels;
+use lunette_relight::portal_frame::Reveal;
 use lunette_relight::sparse::{Rows, SparseLight};
 use lunette_scenes::{Portal, Scene};
 use rayon::prelude::*;
@@ -35,6 +37,7 @@ use crate::smooth::{self, Smoother};
 use crate::{Basis, Error, Options, Progress, Surface, mesh_asset};
 pub use gate::Gates;
 pub(crate) use orient::inwards;
+use reveal::reveals;
 
 /// Where bounced SH light starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -209,14 +212,16 @@ impl Work<'_> {
         report: &mut PortalReport,
     ) -> Result<(), Error> {
         let prefix = format!("portal.{k}.direct");
-        self.insert_panes(k, asset);
+        let polygons = self.portals[k].convex_polygons();
+        let seed = hash(self.options.seed, 0xe1 + k as u64);
+        let reveals = reveals(self.surface, &polygons, seed);
+        self.insert_panes(k, (&polygons, &reveals), asset);
         if let Some(earlier) = self.earlier {
             resume::copy(earlier, &prefix, asset);
             return Ok(());
         }
         let n = self.options.resolution;
         let n_vertices = self.scene.mesh.position.len();
-        let polygons = self.portals[k].convex_polygons();
         let aim = |opening| Aim {
             surface: self.surface,
             opening,
@@ -224,7 +229,7 @@ impl Work<'_> {
             rays: self.options.rays,
             seed: hash(self.options.seed, 0xd1 + k as u64),
         };
-        let through = aim(Opening::Portal { gates: self.gates, polygons });
+        let through = aim(Opening::Portal { gates: self.gates, polygons, reveals });
         let outside = aim(Opening::Sky(Some(self.gates)));
         let source = self.donors.sources(n_vertices);
         let stage = format!("portal {} of {}, direct", k + 1, self.portals.len());
@@ -257,8 +262,12 @@ impl Work<'_> {
     }
 
     /// Where portal `k` is, and which vertices see the sky past it.
-    fn insert_panes(&self, k: usize, asset: &mut Asset<'static>) {
-        let polygons = self.portals[k].convex_polygons();
+    fn insert_panes(
+        &self,
+        k: usize,
+        (polygons, reveals): (&[Vec<Vec3>], &[Vec<Reveal>]),
+        asset: &mut Asset<'static>,
+    ) {
         let mut start = vec![0];
         start.extend(polygons.iter().scan(0, |end, polygon| {
             *end += polygon.len() as u32;
@@ -272,6 +281,8 @@ impl Work<'_> {
         let mut insert =
             |part: &str, shape: &[usize], data| asset.insert(&format!("portal.{k}.{part}"), shape, data);
         insert("corner", &[corners.len() / 3, 3], Data::F32(Cow::Owned(corners)));
+        let reveals: Vec<f32> = reveals.iter().flatten().flatten().copied().collect();
+        insert("reveal", &[reveals.len() / 4, 4], Data::F32(Cow::Owned(reveals)));
         insert("polygon", &[start.len()], Data::U32(Cow::Owned(start)));
         insert("open", &[open.len()], Data::U32(Cow::Owned(open)));
     }

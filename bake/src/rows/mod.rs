@@ -6,8 +6,8 @@
 //! of all portals. One endless shadow ray answers for the inside and for backward occlusion outside, as portals block
 //! nothing.
 //!
-//! The share of each texel that the opening covers is known exactly ([`footprint`](lunette_relight::cubemap::footprint)),
-//! so that rays are spent on what is in the way alone: T = Σ over openings F (Σ w V / Σ w), with a few stratified rays
+//! The share of each texel that the opening covers, and what the depth of the wall around it leaves of that, is known
+//! exactly ([`footprint`](lunette_relight::cubemap::footprint), [`Reveal`]), so that rays are spent on what is in the way alone: T = Σ over openings F (Σ w V / Σ w), with a few stratified rays
 //! within each piece, and more where a piece or its neighbour is seen in part. Where nothing is in the way the row is
 //! exact, however small or near the window, on its very plane too.
 //!
@@ -22,6 +22,7 @@ mod store;
 use glam::{Vec2, Vec3};
 use lunette_ffi as ffi;
 use lunette_relight::cubemap::footprint::{Cell, Eye, Footprint};
+use lunette_relight::portal_frame::{Reveal, seen_through};
 
 use crate::Surface;
 use crate::portal::Gates;
@@ -56,6 +57,8 @@ pub enum Opening<'a> {
         gates: &'a Gates,
         /// Of this one.
         polygons: Vec<Vec<Vec3>>,
+        /// Of their edges.
+        reveals: Vec<Vec<Reveal>>,
     },
 }
 
@@ -77,6 +80,8 @@ pub struct Row {
     /// Where it is not 0.
     texels: Vec<usize>,
     footprint: Footprint,
+    /// What is seen of a polygon.
+    seen: [Vec<Vec3>; 2],
     /// Of each texel whether something of it is seen, or hidden.
     state: Vec<u8>,
     /// Of each cell: sum of weights, and of those that see.
@@ -91,6 +96,7 @@ impl Row {
             dense: vec![0.0; texels],
             texels: Vec::new(),
             footprint: Footprint::default(),
+            seen: Default::default(),
             state: vec![0; texels],
             sums: Vec::new(),
         }
@@ -134,8 +140,11 @@ impl Aim<'_> {
         let eye = Eye { origin: self.surface.origin[at], normal: self.surface.mesh.normal[at], n: self.n };
         match &self.opening {
             Opening::Sky(_) => row.footprint.add_hemisphere(&eye),
-            Opening::Portal { polygons, .. } => {
-                polygons.iter().enumerate().for_each(|(i, p)| row.footprint.add_polygon(&eye, i, p));
+            Opening::Portal { polygons, reveals, .. } => {
+                for (i, (polygon, reveals)) in polygons.iter().zip(reveals).enumerate() {
+                    seen_through(eye.origin, polygon, reveals, &mut row.seen);
+                    row.footprint.add_polygon(&eye, i, &row.seen[0]);
+                }
             }
         }
         let n_cells = row.footprint.cells.len();
@@ -227,7 +236,7 @@ impl Aim<'_> {
             Opening::Sky(None) => return [false; LANES],
             Opening::Sky(Some(gates)) => return gates.any(&ffi::Mask::first(n), packet),
             Opening::Portal { gates, .. } if gates.lie_in_one_plane() => return [false; LANES],
-            Opening::Portal { gates, polygons } => (gates, polygons),
+            Opening::Portal { gates, polygons, .. } => (gates, polygons),
         };
         let mut packet = *packet;
         for lane in 0..n {

@@ -170,7 +170,7 @@ impl Footprint {
 }
 
 /// The part of a convex polygon where `inside` is not negative.
-fn clip<P: Point>(polygon: &[P], out: &mut Vec<P>, inside: impl Fn(P) -> f32) {
+pub(crate) fn clip<P: Point>(polygon: &[P], out: &mut Vec<P>, inside: impl Fn(P) -> f32) {
     out.clear();
     clip_onto(polygon, out, inside);
 }

@@ -3,7 +3,8 @@
 //! A row says how much of a texel's light arrives, not from where in the texel. Two things are known besides. The
 //! portal's own rim: seen from a vertex, a convex polygon is the cone within the planes through the vertex and the
 //! polygon's edges, so that the portal's part of texel t, and what all of it would send, can be worked out:
-//! F\[t\] = ∫ over t ∩ portal of max(n·ω, 0) dω. And the row: T/F is the share of that part which nothing hides. Where
+//! F\[t\] = ∫ over t ∩ portal of max(n·ω, 0) dω; the depth of the wall around it cuts the cone as exactly
+//! ([`reveal`]). And the row: T/F is the share of that part which nothing hides. Where
 //! it lies between 0 and 1, the edge of the shadow is taken for a straight line that leaves this share on its lit
 //! side, and that lies across the way in which the shares of the texels around grow. Then
 //!
@@ -36,6 +37,7 @@ use crate::cubemap::footprint::{Eye, Footprint, clip_each, vector_area};
 use crate::cubemap::{face_axes, flat, place};
 use crate::indirect::vertex_area;
 use crate::light::Cap;
+use crate::portal_frame::reveal::{self, Reveal, seen_through};
 use crate::sparse::{Basis, Probe, Rows};
 
 /// Discs of a larger radius than this, radians, are left to the texels, against which they are broad.
@@ -107,6 +109,8 @@ pub struct Panes<'a> {
 /// A convex polygon, counter-clockwise as seen from the interior.
 struct Pane<'a> {
     corners: &'a [[f32; 3]],
+    /// One of each edge, or none.
+    reveals: &'a [Reveal],
     normal: Vec3,
     ball: Ball,
 }
@@ -242,7 +246,22 @@ impl<'a> Panes<'a> {
         if !open.is_sorted() || open.last().is_some_and(|&v| v as usize >= asset.n_vertices()) {
             return Err(wrong(2, "not a rising list of vertices"));
         }
-        let polygon = |w: &[u32]| Pane::new(&corner[w[0] as usize..w[1] as usize]);
+        let reveals: &[Reveal] = match asset.tensor(&format!("portal.{k}.reveal")).map(|t| &t.data) {
+            None => &[],
+            Some(Data::F32(values)) => bytemuck::try_cast_slice(values).unwrap_or_default(),
+            Some(_) => {
+                return Err(Error::Tensor { name: format!("portal.{k}.reveal"), what: "not F32".into() });
+            }
+        };
+        let is_there = asset.tensor(&format!("portal.{k}.reveal")).is_some();
+        if is_there && (reveals.len() != corner.len() || reveals.iter().any(|r| r[0] < 0.0 || r[2] < 0.0)) {
+            let what = "not four numbers for each corner, the depths not below 0".into();
+            return Err(Error::Tensor { name: format!("portal.{k}.reveal"), what });
+        }
+        let polygon = |w: &[u32]| {
+            let range = w[0] as usize..w[1] as usize;
+            Pane::new(&corner[range.clone()], reveals.get(range).unwrap_or_default())
+        };
         let polygons: Vec<Pane> = start.windows(2).map(polygon).collect();
         Ok(Some(Panes {
             all: Ball::around(&polygons),
@@ -254,13 +273,13 @@ impl<'a> Panes<'a> {
 }
 
 impl<'a> Pane<'a> {
-    fn new(corners: &'a [[f32; 3]]) -> Pane<'a> {
+    fn new(corners: &'a [[f32; 3]], reveals: &'a [Reveal]) -> Pane<'a> {
         let at = |i: usize| Vec3::from(corners[i % corners.len()]);
         let n = corners.len();
         let centre = (0..n).map(at).sum::<Vec3>() / n as f32;
         let normal = (0..n).map(|i| (at(i) - centre).cross(at(i + 1) - centre)).sum::<Vec3>();
         let radius = (0..n).map(|i| at(i).distance(centre)).fold(0.0, f32::max);
-        Pane { corners, normal: normal.normalize_or_zero(), ball: Ball { centre, radius } }
+        Pane { corners, reveals, normal: normal.normalize_or_zero(), ball: Ball { centre, radius } }
     }
 
     /// `p`, but on the inside where it lies in the polygon's plane.
@@ -271,7 +290,7 @@ impl<'a> Pane<'a> {
     }
 
     /// Calls `met` with the normals, of any length and towards the inside, of the planes that bound the polygon as seen
-    /// from `p`.
+    /// and its reveals as seen from `p`.
     fn for_each_side(&self, p: Vec3, mut met: impl FnMut(Vec3)) {
         let Some(last) = self.corners.last() else { return };
         let p = self.inside(p);
@@ -282,6 +301,10 @@ impl<'a> Pane<'a> {
             let side = a.cross(b);
             met(if height < 0.0 { side } else { -side });
             a = b;
+        }
+        for (i, reveal) in self.reveals.iter().enumerate() {
+            let [a, b] = [i, (i + 1) % self.corners.len()].map(|i| Vec3::from(self.corners[i]));
+            reveal::for_each_end((p, height), self.normal, (a, b), reveal, &mut met);
         }
     }
 }
@@ -361,7 +384,7 @@ impl Beam {
         size.map_or(0.0, |size| size.transfer(receivers.normal[v].into(), rounding(place.1, v), scratch))
     }
 
-    /// As [`transfer`](Self::transfer), and what it would be if nothing but the portal's rim hid the disc; where that is
+    /// As [`transfer`](Self::transfer), and what it would be if nothing but the portal's rim and wall hid the disc; where that is
     /// not asked for, of rows without light, 0.
     pub fn arrival(
         &self,
@@ -409,7 +432,7 @@ impl Beam {
     }
 
     /// As [`transfer`](Self::transfer), of a point with this normal, the mean over so many metres around it, if nothing but
-    /// the portal's rim hid the disc; and directions to the disc's own rim, as large as it is for that. `None` where it
+    /// the portal's rim and wall hid the disc; and directions to the disc's own rim, as large as it is for that. `None` where it
     /// is not seen.
     pub fn open_transfer(
         &self,
@@ -432,16 +455,17 @@ impl Beam {
         panes.all.is_near(p, self.disc.axis, self.spread)
     }
 
-    /// The polygons that the light of a part of the sky about the disc may come through to `p`, and `p` as it is on
-    /// their inside.
-    pub fn near_polygons<'p>(
-        &self,
-        p: Vec3,
-        panes: &'p Panes,
-    ) -> impl Iterator<Item = (Vec3, &'p [[f32; 3]])> {
+    /// Calls `met` with `p`, as it is on the inside, and what it sees of each polygon that the light of a part of the sky
+    /// about the disc may come through to it.
+    pub fn for_each_near(&self, p: Vec3, panes: &Panes, mut met: impl FnMut(Vec3, &[Vec3])) {
         let (s, wide) = (self.disc.axis, 4.0 * self.spread);
-        let is_near = move |pane: &&Pane| panes.polygons.len() <= GROUP || pane.ball.is_near(p, s, wide);
-        panes.polygons.iter().filter(is_near).map(move |pane| (pane.inside(p), pane.corners))
+        let is_near = |pane: &&Pane| panes.polygons.len() <= GROUP || pane.ball.is_near(p, s, wide);
+        let mut lists = Default::default();
+        for pane in panes.polygons.iter().filter(is_near) {
+            let p = pane.inside(p);
+            seen_through(p, bytemuck::cast_slice(pane.corners), pane.reveals, &mut lists);
+            met(p, &lists[0]);
+        }
     }
 
     /// Centre and normal of the polygon that the disc is seen through from `p`.
@@ -606,7 +630,7 @@ impl Size {
         self.power * (0..self.n_touched).map(lit).sum::<f32>()
     }
 
-    /// What would arrive if nothing but the portal's rim hid the disc.
+    /// What would arrive if nothing but the portal's rim and wall hid the disc.
     fn open(&self, n: Vec3, scratch: &Scratch) -> f32 {
         let touched = &self.pieces[..self.n_touched];
         self.power * touched.iter().map(|piece| self.portal_part(piece, n, scratch).1).sum::<f32>()

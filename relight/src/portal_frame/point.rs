@@ -1,13 +1,13 @@
 //! Suns between vertices: what the light of small discs is at a point of a triangle, sharper than interpolation has it.
 //!
-//! The portal's rim is known from any point, not from vertices alone. What else hides the disc is told by the rows of the
-//! triangle's corners: T/F of a texel is the share of it that is visible, and where it is partial, the edge of the shadow
-//! in it is found as at a vertex ([`beam`](super::beam)). If what hides the disc is at x = p + t ω, ω a direction from
-//! point p to the disc, corner v sees it in the direction x - v. So it sees a disc of its own, whose T and F are added up
-//! over its texels, cut by their edges, and
+//! The portal's rim and the depth of its wall are known from any point, not from vertices alone. What else hides the disc
+//! is told by the rows of the triangle's corners: T/F of a texel is the share of it that is visible, and where it is
+//! partial, the edge of the shadow in it is found as at a vertex ([`beam`](super::beam)). If what hides the disc is at
+//! x = p + t ω, ω a direction from point p to the disc, corner v sees it in the direction x - v. So it sees a disc of its
+//! own, whose T and F are added up over its texels, cut by their edges, and
 //!
 //! ```text
-//! E = E if only the portal's rim hid the disc x Σ over corners w T(v) / Σ over corners w F(v)
+//! E = E if only these hid the disc x Σ over corners w T(v) / Σ over corners w F(v)
 //! ```
 //!
 //! How far t is, rows do not say; but seen at the right distance the corners agree. Some distances are tried for each
@@ -283,9 +283,10 @@ impl Corner {
         if panes.is_open(v) {
             self.footprint.add_hemisphere(&eye);
         } else {
-            for (origin, corners) in beam.near_polygons(p, panes) {
-                self.footprint.add_polygon(&Eye { origin, ..eye }, 0, bytemuck::cast_slice(corners));
-            }
+            let footprint = &mut self.footprint;
+            beam.for_each_near(p, panes, |origin, polygon| {
+                footprint.add_polygon(&Eye { origin, ..eye }, 0, polygon);
+            });
         }
         self.footprint.cells.iter().for_each(|cell| self.whole[cell.texel] += cell.worth);
         (self.position, self.normal) = (p, n);
