@@ -5,7 +5,8 @@ use lunette_scenes::{Portal, Scene};
 use rayon::prelude::*;
 
 use crate::gather::packet;
-use crate::portal::{Gates, inwards};
+use super::orient;
+use crate::portal::Gates;
 use crate::sampling::{HemisphereSets, LANES};
 use crate::{Error, Surface};
 
@@ -19,8 +20,10 @@ const RAYS: usize = 256;
 /// When Embree cannot be had or refuses the scene.
 pub fn inside(scene: &Scene, portals: &[Portal]) -> Result<Vec<bool>, Error> {
     let mut surface = Surface::new(scene)?;
-    surface.keep_inside(&inwards(portals, &surface));
-    let gates = Gates::new(portals)?;
+    let mut portals = portals.to_vec();
+    orient(scene, &mut portals)?;
+    surface.keep_inside(&portals);
+    let gates = Gates::new(&portals)?;
     let sets = HemisphereSets::new(RAYS, 0);
     let is_inside = |v: usize| {
         let (set, frame) = sets.at(v, scene.mesh.normal[v]);

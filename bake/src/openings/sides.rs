@@ -30,12 +30,10 @@ const LOOKS: u64 = 16;
 pub fn orient(scene: &Scene, portals: &mut [Portal]) -> Result<usize, Error> {
     let rays = Rays::solid(scene)?;
     let lift = lift(scene);
-    let pool = crate::pool(0)?;
     let mut n_turned = 0;
     for portal in portals {
         let mut windows = portal.windows();
-        let turned: Vec<bool> =
-            pool.install(|| windows.par_iter().map(|w| looks_out(&rays, w, lift)).collect());
+        let turned: Vec<bool> = windows.par_iter().map(|w| looks_out(&rays, w, lift)).collect();
         let n = turned.iter().filter(|t| **t).count();
         if n == 0 {
             continue;

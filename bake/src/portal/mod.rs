@@ -11,7 +11,6 @@
 
 mod bounced;
 mod gate;
-mod orient;
 mod outside;
 mod resume;
 mod reveal;
@@ -34,9 +33,8 @@ use crate::glossy;
 use crate::rows::{self, Aim, Opening, Row, Stage};
 use crate::sampling::{HemisphereSets, hash};
 use crate::smooth::{self, Smoother};
-use crate::{Basis, Error, Options, Progress, Surface, mesh_asset};
+use crate::{Basis, Error, Options, Progress, Surface, mesh_asset, openings};
 pub use gate::Gates;
-pub(crate) use orient::inwards;
 use reveal::reveals;
 
 /// Where bounced SH light starts from.
@@ -119,7 +117,9 @@ fn bake(
     }
     crate::pool(options.threads)?.install(|| {
         let mut surface = Surface::new(scene)?;
-        let portals = &inwards(portals, &surface);
+        let mut portals = portals.to_vec();
+        openings::orient(scene, &mut portals)?;
+        let portals = &portals[..];
         surface.keep_inside(portals);
         let gates = Gates::new(portals)?;
         let sets = HemisphereSets::new(BURIAL_RAYS, hash(options.seed, u64::MAX));
