@@ -107,11 +107,7 @@ pub fn carrier(
     // What a vertex sends to others is what it sees of them: not its light on the sky.
     let sending: Vec<f32> =
         area.iter().enumerate().map(|(v, a)| a * rows.of(v).map(|(_, share)| share).sum::<f32>()).collect();
-    let patches = Patches {
-        members: tree.members(),
-        sending: &sending,
-        rho: vertex_reflectance(scene).iter().map(|rho| rho.element_sum() / 3.0).collect(),
-    };
+    let patches = Patches { members: tree.members(), sending: &sending, rho: expected_reflectance(scene) };
     let reached = patches.reached(&rows, lie.uniform);
     let linker = Linker { tree: &tree, bright: patches.brightness(lie.uniform), n_links: options.links };
     let sees_light = |v: usize| rows.of(v).any(|(p, _)| reached[p]);
@@ -159,6 +155,15 @@ pub fn carrier(
     }
     all.extend(linker.link(&weight, &patches.blocks(), of_patch));
     Ok(all.into_carrier(&order, tree, &weight))
+}
+
+/// Lobes are as bright as that many even coats where they shine.
+const LOBE: f32 = 4.0;
+
+/// Grey reflectance by which vertices are expected to be bright.
+fn expected_reflectance(scene: &Scene) -> Vec<f32> {
+    let of = |(all, albedo): (Vec3, Vec3)| (all + (LOBE - 1.0) * (all - albedo)).element_sum() / 3.0;
+    vertex_reflectance(scene).into_iter().zip(scene.vertex_albedo()).map(of).collect()
 }
 
 /// What counts in the cutting of patches, of each vertex: half its part of the area, half its part of all vertices, which

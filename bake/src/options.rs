@@ -75,7 +75,7 @@ impl Default for Options {
             rays: 1024,
             bounces: 2,
             resolution: 32,
-            patches: 2048,
+            patches: 4096,
             links: 448,
             seed: 1,
             threads: 0,

@@ -61,7 +61,7 @@ fn main() {
     let started = Instant::now();
     let basis = vec![Basis::Sh, Basis::DirectToIndirect];
     let options =
-        Options { basis, order: 4, indirect_order: 4, rays: 1024, bounces: BOUNCES, patches: 6144, ..Options::default() };
+        Options { basis, order: 4, indirect_order: 4, rays: 1024, bounces: BOUNCES, ..Options::default() };
     let (baked, _) =
         bake_portals(&room, &portals, &options, &PortalOptions::default(), &Silent).expect("a bake");
     println!("baked in {:.1} s", started.elapsed().as_secs_f64());

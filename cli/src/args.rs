@@ -118,7 +118,7 @@ pub struct Effort {
     #[arg(long, default_value_t = 32, allow_negative_numbers = true)]
     pub resolution: usize,
     /// Patches of direct-to-indirect transport
-    #[arg(long, default_value_t = 2048, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 4096, allow_negative_numbers = true)]
     pub patches: usize,
     /// Most links of sixteen neighbouring vertices in direct-to-indirect transport
     #[arg(long, default_value_t = 448, allow_negative_numbers = true)]

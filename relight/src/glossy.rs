@@ -34,9 +34,11 @@
 //!
 //! The last six are absent where no bounced light is baked.
 //!
-//! Where it breaks: the shadow of a sun by what stands in the room is as soft as a texel; a patch shines evenly; other glossy surfaces
-//! are seen as diffuse ones of the same mean reflectance ([`mean_reflectance`]); and radiance between vertices is
-//! interpolated, so that a mesh must be fine where it curves.
+//! What glossy vertices send on to others: see [`indirect`](crate::indirect).
+//!
+//! Where it breaks: a patch shines evenly, also where its edge is in the sun; lobes see other glossy surfaces as diffuse ones
+//! of the same mean reflectance ([`mean_reflectance`]); and radiance between vertices is interpolated, so that a mesh must
+//! be fine where it curves.
 //!
 //! Based on: Yue, Iwasaki, Chen, Dobashi and Nishita, Interactive Rendering of Interior Scenes with Dynamic
 //! Environment Illumination, 2009, section 4.1 (rows per outgoing direction); Lafortune and Willems, Using the Modified
@@ -67,6 +69,28 @@ pub const HIGHEST_EXPONENT: f32 = 64.0;
 
 /// Texels on a side of the cubemap whose texels number stored directions: the finest that 16 bits count, 0.015 radians.
 pub const DIRECTION_SIDE: usize = 104;
+
+/// How a vertex is glossy.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GlossyVertex {
+    pub vertex: u32,
+    pub normal: Vec3,
+    pub specular: Vec3,
+    pub exponent: f32,
+}
+
+/// The glossy vertices of an asset, rising.
+///
+/// # Errors
+/// When their tensors do not hold together.
+pub(crate) fn glossy_vertices(asset: &Asset) -> Result<Vec<GlossyVertex>, Error> {
+    let Some(matrix) = Matrix::open(asset)? else { return Ok(Vec::new()) };
+    let of = |(&vertex, &[r, g, b, exponent]): (&u32, &[f32; 4])| {
+        let normal = Vec3::from(asset.normals()[vertex as usize]);
+        GlossyVertex { vertex, normal, specular: Vec3::new(r, g, b), exponent }
+    };
+    Ok(matrix.vertex.iter().zip(matrix.lobe).map(of).collect())
+}
 
 /// The glossy vertices of an asset, and the light of the moment on all that they see.
 pub struct Glossy<'a> {

@@ -29,6 +29,9 @@
 //! | `indirect.share` | u8 \[L,16\] | square root of what the link is worth to each row |
 //! | `indirect.scale` | f32 \[A+C,16\] | |
 //!
+//! What comes through windows glossy vertices send on by their lobes (`shine.rs`), so that of them R is of their albedo alone;
+//! ρ counts their lobes as if they were even.
+//!
 //! Where it breaks: the pattern of direct light within a patch is lost to what it bounces on to, so that a patch with
 //! a narrow beam on its edge glows as a whole.
 //!
@@ -42,6 +45,10 @@ use crate::block::{self, Blocks, LANES, NO_ROW};
 use crate::glossy::reflectance;
 use crate::light::{Cap, Light, split};
 use crate::shell;
+
+mod shine;
+
+pub(crate) use shine::Shine;
 
 /// How bounced light is carried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -119,6 +126,10 @@ pub struct Carrier<'a> {
     /// Of each leaf, in the next step.
     next: Vec<Vec3>,
     steps: usize,
+    /// What is glossy, if anything is; and whether its light of the moment is known.
+    shine: Option<Shine>,
+    shines: bool,
+    position: &'a [[f32; 3]],
 }
 
 impl<'a> Carrier<'a> {
@@ -137,7 +148,10 @@ impl<'a> Carrier<'a> {
             let seen = blocks.sums(b, &ones)[0];
             vertices.for_each(|(lane, v)| weighted[v] *= f64::from(seen[lane]));
         }
-        let weight = weights(asset, patch, &weighted, children.len());
+        let share = shares(patch, &weighted, children.len());
+        let shine = Shine::open(asset, (patch, &share), (children, part), &blocks)?;
+        let weight: Vec<Vec3> =
+            share.into_iter().zip(reflectance(asset)).map(|(share, rho)| share * rho).collect();
         let mut albedo = vec![Vec3::ZERO; children.len()];
         for (p, w) in patch.iter().zip(&weight).filter(|(p, _)| **p != NO_PATCH) {
             albedo[usize::from(*p)] += *w;
@@ -155,7 +169,22 @@ impl<'a> Carrier<'a> {
             leaving: vec![Vec4::ZERO; children.len()],
             next: vec![Vec3::ZERO; n_leaves],
             steps: bounces(asset).saturating_sub(1).min(STEPS),
+            shine,
+            shines: false,
+            position: asset.positions(),
         }))
+    }
+
+    /// Whether anything is glossy.
+    pub(crate) fn has_shine(&self) -> bool {
+        self.shine.is_some()
+    }
+
+    /// What is glossy, to be told of direct light before each [`Carrier::reflect`], which then sends it on by lobes; who
+    /// never asks for it has it sent on evenly.
+    pub(crate) fn shine(&mut self) -> Option<&mut Shine> {
+        self.shines = self.shine.is_some();
+        self.shine.as_mut()
     }
 
     /// Takes on the direct irradiance of all vertices.
@@ -205,10 +234,41 @@ impl<'a> Carrier<'a> {
                 *sum += *weight * Vec3::from(*direct);
             }
         }
+        if let Some(shine) = self.shine.as_mut().filter(|_| self.shines) {
+            for (v, (node, even)) in shine.vertices().zip(shine.even()) {
+                self.reflected[node] -= even * Vec3::from(direct[v]);
+            }
+            shine.finish(self.children, self.part);
+            if self.steps > 0 {
+                self.add_shine_to_patches();
+            }
+        }
         for (b, r) in self.leaving.iter_mut().zip(&self.reflected) {
             *b = r.extend(0.0);
         }
         self.average();
+    }
+
+    /// What the patches send on of what the lobes of others send them.
+    fn add_shine_to_patches(&mut self) {
+        let Some(shine) = &self.shine else { return };
+        for (j, leaves) in self.leaves.chunks(LANES).enumerate() {
+            let middle = |i: usize| leaves.get(i).map_or(Vec3::ZERO, |leaf| shine.middle(usize::from(*leaf)));
+            let [r, g, b] = shine.sums(self.rows.len() + j, &self.blocks, &std::array::from_fn(middle));
+            for (i, leaf) in leaves.iter().enumerate() {
+                let leaf = usize::from(*leaf);
+                self.reflected[leaf] += self.albedo[leaf] * Vec3::new(r[i], g[i], b[i]);
+            }
+        }
+    }
+
+    /// What the lobes send to the vertices of block `b`.
+    fn shine_on(&self, shine: &Shine, b: usize) -> [[f32; LANES]; 3] {
+        let place = |row: u16| {
+            let v = block::first_row(b) + usize::from(row);
+            self.position.get(v).map_or(Vec3::ZERO, |p| Vec3::from(*p))
+        };
+        shine.sums(b, &self.blocks, &self.rows[b].map(place))
     }
 
     /// What leaves the patches of their block `j` under what leaves all now.
@@ -253,7 +313,12 @@ impl<'a> Carrier<'a> {
         assert!(first + out.len() <= self.patch.len(), "there are not that many vertices");
         for b in block::range(first, out.len(), self.rows.len()) {
             if self.blocks.start[b] < self.blocks.start[b + 1] {
-                let sums = self.blocks.sums(b, &self.leaving);
+                let mut sums = self.blocks.sums(b, &self.leaving);
+                if let Some(shine) = self.shine.as_ref().filter(|_| self.shines) {
+                    let more = self.shine_on(shine, b);
+                    let sums = sums.as_flattened_mut().iter_mut();
+                    sums.zip(more.as_flattened()).for_each(|(sum, more)| *sum += more);
+                }
                 block::add_to(&sums, &self.rows[b], block::first_row(b), first, out);
             }
         }
@@ -421,17 +486,17 @@ fn bounces(asset: &Asset) -> usize {
     value.map_or(usize::MAX, |n| n as usize)
 }
 
-/// w ρ / Σ w over the patch, per vertex; 0 for a patch that sees nothing.
-fn weights(asset: &Asset, patch: &[u16], w: &[f64], n_nodes: usize) -> Vec<Vec3> {
+/// w / Σ w over the patch, per vertex; 0 for a patch that sees nothing.
+fn shares(patch: &[u16], w: &[f64], n_nodes: usize) -> Vec<f32> {
     let mut whole = vec![0.0; n_nodes];
     for (p, w) in patch.iter().zip(w).filter(|(p, _)| **p != NO_PATCH) {
         whole[usize::from(*p)] += w;
     }
-    let weight = |((p, w), albedo): ((&u16, &f64), Vec3)| match whole.get(usize::from(*p)) {
-        Some(whole) if *whole > 0.0 => albedo * (w / whole) as f32,
-        _ => Vec3::ZERO,
+    let share = |(p, w): (&u16, &f64)| match whole.get(usize::from(*p)) {
+        Some(whole) if *whole > 0.0 => (w / whole) as f32,
+        _ => 0.0,
     };
-    patch.iter().zip(w).zip(reflectance(asset)).map(weight).collect()
+    patch.iter().zip(w).map(share).collect()
 }
 
 /// A third of its triangles' area for each vertex, m².

@@ -35,12 +35,12 @@
 
 use std::fmt;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use half::f16;
 
 use crate::asset::{self, Asset};
 use crate::block;
-use crate::cubemap::{ShTable, add_disc, n_texels};
+use crate::cubemap::{self, ShTable, add_disc, n_texels};
 use crate::dot;
 use crate::frame::Missing;
 use crate::indirect::{Carrier, Indirect};
@@ -76,6 +76,17 @@ pub struct PortalFrame<'a> {
     indirect: Indirect,
     n_vertices: usize,
     receivers: Receivers<'a>,
+    falling: Falling,
+}
+
+/// Light of the moment on the glossy vertices.
+#[derive(Default)]
+struct Falling {
+    /// All but the beams', and of one beam.
+    rest: Vec<Vec3>,
+    beam: Vec<Vec3>,
+    /// Of all vertices, what but the beams falls on each times its direction, of the sum of the colours.
+    moment: Vec<[f32; 3]>,
 }
 
 struct PortalLight<'a> {
@@ -83,6 +94,8 @@ struct PortalLight<'a> {
     rows: Rows<'a>,
     together: Together,
     light: SparseLight,
+    /// The sum of the light's colours times its direction, where something is glossy.
+    moment: Option<Moment>,
     lit: Lit,
     panes: Option<Panes<'a>>,
     /// As many beams as there have ever been, of which the first `n_beams` are lit.
@@ -98,6 +111,12 @@ struct PortalLight<'a> {
     /// The shell behind the glass, and the same as it was captured, so that glass may change by itself.
     texels: Vec<[f32; 3]>,
     captured: Vec<[f32; 3]>,
+}
+
+struct Moment {
+    directions: Vec<Vec3>,
+    texels: Vec<[f32; 3]>,
+    light: SparseLight,
 }
 
 /// Whether there is anything to add up.
@@ -131,6 +150,7 @@ impl<'a> PortalFrame<'a> {
             indirect: Indirect::None,
             n_vertices: asset.n_vertices(),
             receivers: Receivers::new(asset),
+            falling: Falling::default(),
         };
         let order = block::order(asset.positions(), asset.normals());
         while let Some(rows) = Rows::open(asset, &format!("portal.{}.direct", frame.portals.len()))? {
@@ -160,6 +180,7 @@ impl<'a> PortalFrame<'a> {
         self.portals.push(PortalLight {
             name: shell.map_or_else(|| format!("portal {k}"), |shell| shell.name.clone()),
             light: SparseLight::new(n),
+            moment: self.carrier.as_ref().is_some_and(Carrier::has_shine).then(|| Moment::new(n)),
             lit: Lit::Dark,
             panes: Panes::open(asset, k)?,
             beams: Vec::new(),
@@ -334,6 +355,7 @@ impl<'a> PortalFrame<'a> {
     /// # Panics
     /// When `direct` is not one value per vertex.
     pub fn reflect(&mut self, direct: &[[f32; 3]]) {
+        self.shine(direct, |out, of| out.iter_mut().enumerate().for_each(|(i, out)| *out = of(i)));
         if let (Indirect::DirectToIndirect, Some(carrier)) = (self.indirect, &mut self.carrier) {
             carrier.reflect(direct);
         }
@@ -345,9 +367,43 @@ impl<'a> PortalFrame<'a> {
     /// When `direct` is not one value per vertex.
     #[cfg(feature = "rayon")]
     pub fn reflect_parallel(&mut self, direct: &[[f32; 3]]) {
+        use rayon::prelude::*;
+        self.shine(direct, |out, of| {
+            out.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, out)| *out = of(i));
+        });
         if let (Indirect::DirectToIndirect, Some(carrier)) = (self.indirect, &mut self.carrier) {
             carrier.reflect_parallel(direct);
         }
+    }
+
+    /// Tells the carrier what falls on glossy vertices, of whom `fill` asks for all at once.
+    fn shine(&mut self, direct: &[[f32; 3]], fill: impl Fn(&mut [Vec3], &(dyn Fn(usize) -> Vec3 + Sync))) {
+        if self.indirect != Indirect::DirectToIndirect {
+            return;
+        }
+        let Some(shine) = self.carrier.as_mut().and_then(Carrier::shine) else { return };
+        assert_eq!(direct.len(), self.n_vertices, "one direct irradiance per vertex");
+        let lit = || self.portals.iter().filter(|p| p.lit == Lit::Bright);
+        let n_beams = lit().map(|portal| portal.n_beams).max().unwrap_or(0);
+        shine.clear(1 + n_beams);
+        let Falling { rest, beam, moment } = &mut self.falling;
+        rest.clear();
+        rest.extend(shine.vertices().map(|v| Vec3::from(direct[v])));
+        beam.resize(rest.len(), Vec3::ZERO);
+        moment.resize(direct.len(), [0.0; 3]);
+        moment.fill([0.0; 3]);
+        let range = shine.vertices().next().unwrap_or(0)..shine.vertices().last().map_or(0, |v| v + 1);
+        for portal in lit() {
+            if let Some(light) = &portal.moment {
+                portal.together.add(&portal.rows, range.start, &light.light, &mut moment[range.clone()]);
+            }
+            for (j, shaft) in portal.shafts(&self.receivers).enumerate() {
+                fill(beam, &|i| shaft.irradiance(shine.vertex(i), &mut Scratch::default()));
+                rest.iter_mut().zip(&*beam).for_each(|(rest, beam)| *rest -= *beam);
+                shine.add(1 + j, |i, _| (beam[i], beam[i].element_sum() * shaft.axis()));
+            }
+        }
+        shine.add_rest(rest, moment);
     }
 
     /// Adds the irradiance of light that has bounced to the vertices from `first` on; nothing where none is baked.
@@ -428,6 +484,21 @@ impl Shaft<'_> {
     }
 }
 
+impl Moment {
+    fn new(n: usize) -> Moment {
+        let direction = |t: usize| cubemap::direction(n, t, Vec2::splat(0.5));
+        let directions: Vec<Vec3> = (0..n_texels(n)).map(direction).collect();
+        Moment { texels: vec![[0.0; 3]; directions.len()], directions, light: SparseLight::new(n) }
+    }
+
+    fn set(&mut self, texels: &[[f32; 3]]) {
+        for ((to, d), texel) in self.texels.iter_mut().zip(&self.directions).zip(texels) {
+            *to = (*d * texel.iter().sum::<f32>()).to_array();
+        }
+        self.light.set(&self.texels);
+    }
+}
+
 impl PortalLight<'_> {
     /// The beams, as they fall on vertices.
     fn shafts<'s>(&'s self, receivers: &'s Receivers<'s>) -> impl Iterator<Item = Shaft<'s>> {
@@ -485,7 +556,11 @@ impl PortalLight<'_> {
             return;
         }
         self.project_beams();
-        self.light.set(if self.n_beams > 0 { &self.rest } else { &self.texels });
+        let rest = if self.n_beams > 0 { &self.rest } else { &self.texels };
+        self.light.set(rest);
+        if let Some(moment) = &mut self.moment {
+            moment.set(rest);
+        }
         if let Some(bounced) = &mut self.bounced {
             tables[bounced.table].project(&self.texels, &mut bounced.light);
             for l in bounced.light[..bounced.n].as_flattened_mut() {

@@ -79,7 +79,12 @@ fn relighting_a_frame_does_not_allocate() {
 
 #[test]
 fn relighting_an_interior_does_not_allocate() {
-    let asset = built("box-room:edge=0.6").bake(&bounced_options());
+    relights_without_allocation("box-room:edge=0.6");
+    relights_without_allocation("box-room:edge=0.6,gloss=0.4,exponent=10");
+}
+
+fn relights_without_allocation(spec: &str) {
+    let asset = built(spec).bake(&bounced_options());
     let mut frame = PortalFrame::new(&asset).expect("a portal");
     let n = frame.resolution(0);
     // Suns that wander across texels and faces, of which the first makes room.
@@ -103,7 +108,7 @@ fn relighting_an_interior_does_not_allocate() {
         };
         lights.iter().for_each(&mut relight);
         let counted = allocation_counter::measure(|| lights.iter().for_each(&mut relight));
-        assert_eq!(counted.count_total, 0, "{way:?}");
+        assert_eq!(counted.count_total, 0, "{spec}, {way:?}");
     }
     assert!(out.iter().any(|e| e[0] > 10.0), "no sun");
 }

@@ -4,8 +4,8 @@ use lunette_ffi as ffi;
 use lunette_scenes::{Portal, Scene};
 use rayon::prelude::*;
 
-use crate::gather::packet;
 use super::orient;
+use crate::gather::packet;
 use crate::portal::Gates;
 use crate::sampling::{HemisphereSets, LANES};
 use crate::{Error, Surface};

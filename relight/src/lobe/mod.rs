@@ -28,7 +28,7 @@
 
 mod blockers;
 mod chunk;
-mod fast;
+pub(crate) mod fast;
 mod frame;
 mod lamp;
 mod leaves;
