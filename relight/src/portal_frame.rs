@@ -56,7 +56,7 @@ mod reveal;
 pub(crate) use beam::Scratch;
 use beam::{Beam, Panes, Receivers};
 pub use point::{Detail, Point};
-pub use reveal::{Reveal, seen_through};
+pub use reveal::{Reveal, plane_of, seen_through};
 
 /// Why an asset cannot be lit through portals.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,7 +85,8 @@ struct Falling {
     /// All but the beams', and of one beam.
     rest: Vec<Vec3>,
     beam: Vec<Vec3>,
-    /// Of all vertices, what but the beams falls on each times its direction, of the sum of the colours.
+    /// By vertex, from the first glossy one to the last: what but the beams falls on each times its direction, of the sum of
+    /// the colours.
     moment: Vec<[f32; 3]>,
 }
 
@@ -391,8 +392,8 @@ impl<'a> PortalFrame<'a> {
         rest.extend(shine.vertices().map(|v| Vec3::from(direct[v])));
         beam.resize(rest.len(), Vec3::ZERO);
         moment.resize(direct.len(), [0.0; 3]);
-        moment.fill([0.0; 3]);
         let range = shine.vertices().next().unwrap_or(0)..shine.vertices().last().map_or(0, |v| v + 1);
+        moment[range.clone()].fill([0.0; 3]);
         for portal in lit() {
             if let Some(light) = &portal.moment {
                 portal.together.add(&portal.rows, range.start, &light.light, &mut moment[range.clone()]);

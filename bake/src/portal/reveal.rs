@@ -11,7 +11,7 @@ use std::f32::consts::FRAC_PI_2;
 
 use glam::Vec3;
 use lunette_ffi as ffi;
-use lunette_relight::portal_frame::Reveal;
+use lunette_relight::portal_frame::{Reveal, plane_of};
 
 use crate::Surface;
 use crate::sampling::{fractions, hash};
@@ -72,10 +72,7 @@ struct End {
 
 impl<'a> Pane<'a> {
     fn new(surface: &'a Surface<'a>, polygon: &'a [Vec3], seed: u64) -> Pane<'a> {
-        let centre = polygon.iter().sum::<Vec3>() / polygon.len() as f32;
-        let next = polygon.iter().cycle().skip(1);
-        let turned = polygon.iter().zip(next).map(|(a, b)| (*a - centre).cross(*b - centre));
-        let normal = turned.sum::<Vec3>().normalize_or_zero();
+        let (centre, normal) = plane_of(polygon);
         let size = polygon.iter().map(|c| c.distance(centre)).fold(0.0, f32::max);
         Pane { surface, polygon, centre, normal, size, seed }
     }

@@ -37,7 +37,7 @@ use crate::cubemap::footprint::{Eye, Footprint, clip_each, vector_area};
 use crate::cubemap::{face_axes, flat, place};
 use crate::indirect::vertex_area;
 use crate::light::Cap;
-use crate::portal_frame::reveal::{self, Reveal, seen_through};
+use crate::portal_frame::reveal::{self, Reveal, plane_of, seen_through};
 use crate::sparse::{Basis, Probe, Rows};
 
 /// Discs of a larger radius than this, radians, are left to the texels, against which they are broad.
@@ -229,7 +229,7 @@ impl<'a> Panes<'a> {
     /// # Errors
     /// When its tensors do not hold together.
     pub fn open(asset: &'a Asset<'a>, k: usize) -> Result<Option<Panes<'a>>, Error> {
-        let names = ["corner", "polygon", "open"].map(|part| format!("portal.{k}.{part}"));
+        let names = ["corner", "polygon", "open", "reveal"].map(|part| format!("portal.{k}.{part}"));
         let wrong = |i: usize, what: &str| Error::Tensor { name: names[i].clone(), what: what.to_string() };
         let Some(corner) = asset.tensor(&names[0]) else { return Ok(None) };
         let Data::F32(corner) = &corner.data else { return Err(wrong(0, "not F32")) };
@@ -246,18 +246,16 @@ impl<'a> Panes<'a> {
         if !open.is_sorted() || open.last().is_some_and(|&v| v as usize >= asset.n_vertices()) {
             return Err(wrong(2, "not a rising list of vertices"));
         }
-        let reveals: &[Reveal] = match asset.tensor(&format!("portal.{k}.reveal")).map(|t| &t.data) {
+        let reveals: &[Reveal] = match asset.tensor(&names[3]) {
             None => &[],
-            Some(Data::F32(values)) => bytemuck::try_cast_slice(values).unwrap_or_default(),
-            Some(_) => {
-                return Err(Error::Tensor { name: format!("portal.{k}.reveal"), what: "not F32".into() });
+            Some(tensor) => {
+                let values = tensor.data.as_f32().and_then(|values| bytemuck::try_cast_slice(values).ok());
+                let is_good =
+                    |r: &&[Reveal]| r.len() == corner.len() && r.iter().all(|r| r[0] >= 0.0 && r[2] >= 0.0);
+                let what = "not four floats for each corner, the depths not below 0";
+                values.filter(is_good).ok_or_else(|| wrong(3, what))?
             }
         };
-        let is_there = asset.tensor(&format!("portal.{k}.reveal")).is_some();
-        if is_there && (reveals.len() != corner.len() || reveals.iter().any(|r| r[0] < 0.0 || r[2] < 0.0)) {
-            let what = "not four numbers for each corner, the depths not below 0".into();
-            return Err(Error::Tensor { name: format!("portal.{k}.reveal"), what });
-        }
         let polygon = |w: &[u32]| {
             let range = w[0] as usize..w[1] as usize;
             Pane::new(&corner[range.clone()], reveals.get(range).unwrap_or_default())
@@ -274,12 +272,9 @@ impl<'a> Panes<'a> {
 
 impl<'a> Pane<'a> {
     fn new(corners: &'a [[f32; 3]], reveals: &'a [Reveal]) -> Pane<'a> {
-        let at = |i: usize| Vec3::from(corners[i % corners.len()]);
-        let n = corners.len();
-        let centre = (0..n).map(at).sum::<Vec3>() / n as f32;
-        let normal = (0..n).map(|i| (at(i) - centre).cross(at(i + 1) - centre)).sum::<Vec3>();
-        let radius = (0..n).map(|i| at(i).distance(centre)).fold(0.0, f32::max);
-        Pane { corners, reveals, normal: normal.normalize_or_zero(), ball: Ball { centre, radius } }
+        let (centre, normal) = plane_of(bytemuck::cast_slice(corners));
+        let radius = corners.iter().map(|c| Vec3::from(*c).distance(centre)).fold(0.0, f32::max);
+        Pane { corners, reveals, normal, ball: Ball { centre, radius } }
     }
 
     /// `p`, but on the inside where it lies in the polygon's plane.

@@ -43,6 +43,14 @@ pub(super) fn for_each_end(
     }
 }
 
+/// Centre of a polygon's corners, and its unit normal, towards where it is seen counter-clockwise from.
+pub fn plane_of(polygon: &[Vec3]) -> (Vec3, Vec3) {
+    let centre = polygon.iter().sum::<Vec3>() / polygon.len().max(1) as f32;
+    let next = polygon.iter().cycle().skip(1);
+    let turned = polygon.iter().zip(next).map(|(a, b)| (*a - centre).cross(*b - centre));
+    (centre, turned.sum::<Vec3>().normalize_or_zero())
+}
+
 /// What of a convex pane, counter-clockwise as seen from inside, `p` sees light through; `reveals` has one entry per edge,
 /// of which the first begins at the first corner, or none. Of the two lists, the first holds the result.
 pub fn seen_through(p: Vec3, pane: &[Vec3], reveals: &[Reveal], lists: &mut [Vec<Vec3>; 2]) {
@@ -50,9 +58,7 @@ pub fn seen_through(p: Vec3, pane: &[Vec3], reveals: &[Reveal], lists: &mut [Vec
     seen.clear();
     seen.extend(pane);
     let next = |i: usize| pane[(i + 1) % pane.len()];
-    let centre = pane.iter().sum::<Vec3>() / pane.len().max(1) as f32;
-    let turned = pane.iter().enumerate().map(|(i, a)| (a - centre).cross(next(i) - centre));
-    let normal = turned.sum::<Vec3>().normalize_or_zero();
+    let (centre, normal) = plane_of(pane);
     let height = normal.dot(p - centre);
     for (i, (a, reveal)) in pane.iter().zip(reveals).enumerate() {
         for_each_end((p, height), normal, (*a, next(i)), reveal, |side| {

@@ -35,16 +35,23 @@ pub fn decode(n: usize, row: &Row) -> Vec<f32> {
 /// All entries of a row as its runs have them; what a broken row has beyond its basis is left out.
 fn entries(n: usize, row: &Row) -> Vec<f32> {
     let mut entries = vec![0.0f32; n_entries(row.basis, n)];
-    let (mut at, mut values) = (0, row.values.iter());
-    for [gap, length] in &row.runs {
+    for_each_entry(&row.runs, &row.values, |at, byte| {
+        let q = if row.basis == Basis::Haar { f32::from(byte as i8) } else { f32::from(byte) };
+        if let Some(entry) = entries.get_mut(at) {
+            *entry = q * row.scale;
+        }
+    });
+    entries
+}
+
+/// Calls `met` with each entry in a row's runs and its byte.
+pub(super) fn for_each_entry(runs: &[[u8; 2]], values: &[u8], mut met: impl FnMut(usize, u8)) {
+    let (mut at, mut values) = (0, values.iter());
+    for [gap, length] in runs {
         at += usize::from(*gap);
         for byte in values.by_ref().take(usize::from(*length)) {
-            let q = if row.basis == Basis::Haar { f32::from(*byte as i8) } else { f32::from(*byte) };
-            if let Some(entry) = entries.get_mut(at) {
-                *entry = q * row.scale;
-            }
+            met(at, *byte);
             at += 1;
         }
     }
-    entries
 }

@@ -4,9 +4,9 @@
 //! same window, have nearly the same entries. A group of vertices stays in rows where that would cost less: where runs
 //! are long, as those of a whole sky are, or neighbours share little. The file knows nothing of blocks.
 
-use super::{Basis, Rows, SparseLight};
+use super::decode::for_each_entry;
+use super::{Basis, Rows, SparseLight, n_haar_entries};
 use crate::block::{self, Blocks, GROUP, LANES, NO_ROW, Value};
-use crate::cubemap;
 
 /// What a row costs beside its runs, what a run does, and an entry of a block, by a measurement of each; in turns of an
 /// AVX-512 unit.
@@ -134,31 +134,27 @@ impl Rows<'_> {
     fn each(&self, v: usize, mut take: impl FnMut(usize, u8)) {
         let n = self.n();
         let is_columns = self.basis(v) == Basis::Columns;
-        let mut values = self.value[self.start[v] as usize..self.start[v + 1] as usize].iter();
-        let mut at = 0;
-        for [gap, length] in &self.runs[self.first_run[v] as usize..self.first_run[v + 1] as usize] {
-            at += usize::from(*gap);
-            for (byte, p) in values.by_ref().take(usize::from(*length)).zip(at..) {
-                let texel = if is_columns { p / (n * n) * n * n + p % n * n + p % (n * n) / n } else { p };
-                if *byte != 0 {
-                    take(texel, *byte);
-                }
+        let runs = &self.runs[self.first_run[v] as usize..self.first_run[v + 1] as usize];
+        let values = &self.value[self.start[v] as usize..self.start[v + 1] as usize];
+        for_each_entry(runs, values, |p, byte| {
+            let texel = if is_columns { p / (n * n) * n * n + p % n * n + p % (n * n) / n } else { p };
+            if byte != 0 {
+                take(texel, byte);
             }
-            at += usize::from(*length);
-        }
+        });
     }
 }
 
 /// The entries of some rows together.
 struct Union {
-    /// 1 + the place of each entry in the list; 0: none.
+    /// 1 + the place of each entry in the list, of texels or of the more there are of a Haar row; 0: none.
     place: Vec<u16>,
     list: Vec<(u16, [u8; LANES])>,
 }
 
 impl Union {
     fn new(n: usize) -> Union {
-        Union { place: vec![0; super::n_haar_entries(n).max(cubemap::n_texels(n))], list: Vec::new() }
+        Union { place: vec![0; n_haar_entries(n)], list: Vec::new() }
     }
 
     fn set(&mut self, entry: usize, lane: usize, byte: u8) {
@@ -184,6 +180,7 @@ impl Union {
 mod tests {
     use super::*;
     use crate::asset::{Asset, Data, Metadata};
+    use crate::cubemap;
     use crate::sparse::{Choice, Encoder, Encoding, RowStore};
 
     #[test]

@@ -182,6 +182,11 @@ fn broken_panes_are_named() {
         ("open", words(&[2000])),
         ("corner", words(&[0; 21])),
         ("corner", Data::F32(Cow::Owned(vec![0.0; 20]))),
+        ("reveal", words(&[0; 28])),
+        ("reveal", Data::F32(Cow::Owned(vec![0.1; 27]))),
+        ("reveal", Data::F32(Cow::Owned(vec![0.1; 24]))),
+        ("reveal", Data::F32(Cow::Owned(vec![-0.1; 28]))),
+        ("reveal", Data::F32(Cow::Owned(vec![f32::NAN; 28]))),
     ];
     for (part, data) in cases {
         let error = break_it(part, data);
