@@ -68,21 +68,16 @@ impl<'a> Surface<'a> {
     pub fn keep_inside(&mut self, portals: &[Portal]) {
         let near = 4.0 * self.lift;
         for portal in portals {
-            let corners = || portal.triangles.iter().flatten().copied();
-            let low = corners().fold(Vec3::INFINITY, Vec3::min) - near;
-            let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max) + near;
+            let panes = Sweep::new(&portal.triangles);
             let vertices = self.mesh.position.par_iter().zip(&self.mesh.normal);
             self.origin.par_iter_mut().zip(vertices).for_each(|(origin, (p, n))| {
-                if p.cmpge(low).all() && p.cmple(high).all() {
-                    let pane = portal.triangles.iter().find(|t| nearest(t, *p).distance(*p) < near);
-                    if let Some([a, b, c]) = pane {
-                        let inwards = (*b - *a).cross(*c - *a).normalize_or_zero();
-                        // Not through the vertex's own surface, where that faces the pane.
-                        let way = inwards - inwards.dot(*n).min(0.0) * *n;
-                        let slope = way.dot(inwards);
-                        if slope > LEAST_SLOPE {
-                            *origin += (near - (*origin - *a).dot(inwards)).max(0.0) / slope * way;
-                        }
+                if let Some([a, b, c]) = panes.within(*p, near) {
+                    let inwards = (*b - *a).cross(*c - *a).normalize_or_zero();
+                    // Not through the vertex's own surface, where that faces the pane.
+                    let way = inwards - inwards.dot(*n).min(0.0) * *n;
+                    let slope = way.dot(inwards);
+                    if slope > LEAST_SLOPE {
+                        *origin += (near - (*origin - *a).dot(inwards)).max(0.0) / slope * way;
                     }
                 }
             });
@@ -92,6 +87,44 @@ impl<'a> Surface<'a> {
     /// The three corners of a triangle.
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.mesh.index[triangle as usize].map(|v| self.mesh.position[v as usize])
+    }
+}
+
+/// Triangles in the order in which a plane meets them that sweeps along their longest side.
+struct Sweep<'a> {
+    axis: usize,
+    /// Where each begins, rising, and the triangle.
+    begin: Vec<(f32, &'a [Vec3; 3])>,
+    /// Of the longest.
+    length: f32,
+}
+
+impl<'a> Sweep<'a> {
+    fn new(triangles: &'a [[Vec3; 3]]) -> Sweep<'a> {
+        let corners = || triangles.iter().flatten().copied();
+        let low = corners().fold(Vec3::INFINITY, Vec3::min);
+        let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max);
+        let axis = (high - low).max_position();
+        let ends = |t: &[Vec3; 3]| {
+            let along = t.map(|p| p[axis]);
+            (
+                along.into_iter().fold(f32::INFINITY, f32::min),
+                along.into_iter().fold(f32::NEG_INFINITY, f32::max),
+            )
+        };
+        let mut begin: Vec<(f32, &[Vec3; 3])> = triangles.iter().map(|t| (ends(t).0, t)).collect();
+        begin.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let length = triangles.iter().map(|t| ends(t).1 - ends(t).0).fold(0.0, f32::max);
+        Sweep { axis, begin, length }
+    }
+
+    /// A triangle that is nearer to `p` than this.
+    fn within(&self, p: Vec3, distance: f32) -> Option<&'a [Vec3; 3]> {
+        let at = p[self.axis];
+        let first = self.begin.partition_point(|(begin, _)| *begin < at - self.length - distance);
+        let after = self.begin[first..].iter().take_while(|(begin, _)| *begin <= at + distance);
+        let mut near = after.map(|(_, triangle)| *triangle);
+        near.find(|triangle| nearest(triangle, p).distance(p) < distance)
     }
 }
 
@@ -215,6 +248,29 @@ mod tests {
             // The grid's points are up to a fortieth of an edge apart.
             assert!(found.distance(p) < best + 1e-5 && found.distance(p) > best - 0.03, "{p}: {found}");
         }
+    }
+
+    #[test]
+    fn sweep_finds_what_is_near_any_triangle() {
+        let h = |k: u64, i: u64| (crate::sampling::hash(k, i) >> 40) as f32 / (1 << 24) as f32;
+        // Some long, most short, in a slab that is longest along z.
+        let corner = |i: u64, k: u64| Vec3::new(h(k, i), h(k + 1, i), 6.0 * h(9, i / 3));
+        let triangles: Vec<[Vec3; 3]> = (0..80)
+            .map(|i| {
+                let size = if i % 9 == 0 { 1.0 } else { 0.1 };
+                [1, 3, 5].map(|k| corner(i, 1) + size * corner(i, k).with_z(h(k + 2, i)))
+            })
+            .collect();
+        let sweep = Sweep::new(&triangles);
+        let mut found = 0;
+        for i in 0..2000 {
+            let p = Vec3::new(2.0 * h(20, i), 2.0 * h(21, i), 7.0 * h(22, i));
+            let is_near = triangles.iter().any(|t| nearest(t, p).distance(p) < 0.25);
+            assert_eq!(sweep.within(p, 0.25).is_some(), is_near, "{p}");
+            found += usize::from(is_near);
+        }
+        assert!((100..1900).contains(&found), "{found}");
+        assert!(Sweep::new(&[]).within(Vec3::ZERO, 1.0).is_none());
     }
 
     #[test]

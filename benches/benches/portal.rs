@@ -16,11 +16,10 @@ use half::f16;
 use lunette_bake as bake;
 use lunette_benches::duel;
 use lunette_relight::asset::{Asset, Data, Metadata};
-use lunette_relight::block;
 use lunette_relight::cubemap::{self, ShTable};
 use lunette_relight::dot;
-use lunette_relight::indirect::{Carrier, Indirect};
-use lunette_relight::light::{Light, Sky, Source};
+use lunette_relight::indirect::Indirect;
+use lunette_relight::light::{CieOvercast, Light, Sky, Source};
 use lunette_relight::portal_frame::PortalFrame;
 use lunette_relight::shell::{Blur, Shell};
 use lunette_relight::sparse::{Basis, Choice, Encoder, Encoding, RowStore, SparseLight};
@@ -36,8 +35,11 @@ const PER_SIDE: usize = 48;
 const DIFFERENT: usize = 4 * PER_SIDE * PER_SIDE;
 
 fn main() {
-    frame();
+    let room = bake_room();
+    let asset = Asset::from_bytes(&room).expect("an asset");
+    frame(&asset);
     println!("{:<44} {:>9} {:>9} {:>6} {:>9}", "", "read µs", "relit µs", "ratio", "B/vertex");
+    baked(&asset);
     for vertices in [45_000, 400_000] {
         for (name, choice) in [
             ("smaller of both", Choice::Smaller),
@@ -48,7 +50,6 @@ fn main() {
         }
     }
     bounced("bounced, SH order 4, 45000 vertices", 45_000, 48);
-    linked("bounced, 448 links, 45000 vertices", 45_000, 448);
     println!("\n{:<44} {:>9}", "once per frame and portal, N = 32", "µs");
     shell();
 }
@@ -120,48 +121,8 @@ fn bounced(name: &str, vertices: usize, k: usize) {
     print(name, duel(ROUNDS, || read(&bytes), || run(black_box(&mut out))), 2.0 * k as f32);
 }
 
-/// As many links for each block of vertices as a bake gives.
-fn linked(name: &str, vertices: usize, k: usize) {
-    const PATCHES: usize = 2048;
-    let mut asset = Asset::new(Metadata::new("room"));
-    let floats = |list: Vec<f32>| Data::F32(list.into());
-    let words = |list: Vec<u16>| Data::U16(list.into());
-    let triangle = |i: usize| [(i % 7) as f32, (i % 11) as f32, (i % 13) as f32];
-    asset.insert("mesh.position", &[vertices, 3], floats((0..vertices).flat_map(triangle).collect()));
-    asset.insert("mesh.normal", &[vertices, 3], floats([0.0, 1.0, 0.0].repeat(vertices)));
-    asset.insert("mesh.albedo", &[vertices, 3], floats(vec![0.5; 3 * vertices]));
-    let index = (2..vertices as u32).flat_map(|i| [i - 2, i - 1, i]).collect::<Vec<_>>();
-    asset.insert("mesh.index", &[vertices - 2, 3], Data::U32(index.into()));
-    let patch = |i: usize| (PATCHES - 1 + i % PATCHES) as u16;
-    let nodes = 2 * PATCHES - 1;
-    let child = |i: usize| if i < PATCHES - 1 { [2 * i as u16 + 1, 2 * i as u16 + 2] } else { [0, 0] };
-    asset.insert("indirect.patch", &[vertices], words((0..vertices).map(patch).collect()));
-    asset.insert("indirect.tree", &[nodes, 2], words((0..nodes).flat_map(child).collect()));
-    asset.insert("indirect.part", &[nodes], floats(vec![0.5; nodes]));
-    let of_vertices = vertices.div_ceil(block::LANES);
-    let row = |i: usize| if i < vertices { (i % block::GROUP) as u16 } else { block::NO_ROW };
-    let rows = words((0..of_vertices * block::LANES).map(row).collect());
-    asset.insert("indirect.row", &[of_vertices, block::LANES], rows);
-    let blocks = of_vertices + PATCHES / block::LANES;
-    let start: Vec<u32> = (0..=blocks).map(|b| (b * k) as u32).collect();
-    asset.insert("indirect.start", &[blocks + 1], Data::U32(start.into()));
-    // Every so many nodes, others in each block.
-    let node = |i: usize| ((i % k * nodes / k + i / k * 7 % (nodes / k)) % nodes) as u16;
-    asset.insert("indirect.node", &[blocks * k], words((0..blocks * k).map(node).collect()));
-    let share: Vec<u8> = (0..blocks * k * block::LANES).map(|i| (i * 37 % 251) as u8).collect();
-    asset.insert("indirect.share", &[blocks * k, block::LANES], Data::U8(share.into()));
-    let scale = floats(vec![1e-7; blocks * block::LANES]);
-    asset.insert("indirect.scale", &[blocks, block::LANES], scale);
-    let mut carrier = Carrier::open(&asset).expect("good tensors").expect("a carrier");
-    let mut out = vec![[0.0f32; 3]; vertices];
-    carrier.reflect(&vec![[1.0; 3]; vertices]);
-    let bytes = vec![1u8; (carrier.bytes_per_vertex() * vertices as f32) as usize];
-    let times = duel(ROUNDS, || read(&bytes), || carrier.add(0, black_box(&mut out)));
-    print(name, times, carrier.bytes_per_vertex());
-}
-
-/// Everything on, part by part.
-fn frame() {
+/// The bytes of the built-in room, everything baked.
+fn bake_room() -> Vec<u8> {
     let mut room = builtin::build("box-room:edge=0.082").expect("a built-in scene");
     let portals = take_portals(&mut room, &["glass*".into()]).expect("a window");
     let basis = vec![bake::Basis::Sh, bake::Basis::DirectToIndirect];
@@ -176,9 +137,31 @@ fn frame() {
     let (baked, _) =
         bake::bake_portals(&room, &portals, &options, &bake::PortalOptions::default(), &bake::Silent)
             .expect("a bake");
-    let bytes = baked.to_bytes().expect("bytes");
-    let asset = Asset::from_bytes(&bytes).expect("an asset");
-    let mut frame = PortalFrame::new(&asset).expect("portals");
+    baked.to_bytes().expect("bytes")
+}
+
+/// Direct light and links of the room on one core.
+fn baked(asset: &Asset) {
+    let mut frame = PortalFrame::new(asset).expect("portals");
+    frame.set_shell(0, Shell::new(N, &day()).expect("a shell")).expect("its side");
+    frame.set_indirect(Indirect::DirectToIndirect).expect("baked");
+    let vertices = asset.n_vertices();
+    let mut out = vec![[0.0f32; 3]; vertices];
+    frame.direct(0, &mut out);
+    frame.reflect(&out);
+    let (direct, bounced) = frame.bytes_per_vertex();
+    let bytes = |of: f32| vec![1u8; (of * vertices as f32) as usize];
+    let read_bytes = bytes(direct);
+    let times = duel(ROUNDS, || read(&read_bytes), || frame.direct(0, black_box(&mut out)));
+    print(&format!("direct, the room, {vertices} vertices"), times, direct);
+    let read_bytes = bytes(bounced);
+    let times = duel(ROUNDS, || read(&read_bytes), || frame.add_indirect(0, black_box(&mut out)));
+    print(&format!("links, the room, {vertices} vertices"), times, bounced);
+}
+
+/// Everything on, part by part.
+fn frame(asset: &Asset) {
+    let mut frame = PortalFrame::new(asset).expect("portals");
     let centre = asset.metadata.shells[1].centre.unwrap_or_default().into();
     let light = sky();
     let (mut texels, mut discs) = (day(), Vec::new());
@@ -219,9 +202,10 @@ fn parts(out: &mut [[f32; 3]], work: impl Fn(usize, &mut [[f32; 3]]) + Sync) {
     out.par_chunks_mut(task).enumerate().for_each(|(i, out)| work(i * task, out));
 }
 
+/// An overcast sky.
 fn day() -> Vec<[f32; 3]> {
     let mut texels = vec![[0.0; 3]; cubemap::n_texels(N)];
-    cubemap::project_light(&sky(), N, &mut texels);
+    cubemap::project_light(&Light::new(Source::CieOvercast(CieOvercast::new(Vec3::ONE))), N, &mut texels);
     texels
 }
 

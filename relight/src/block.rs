@@ -1,14 +1,16 @@
 //! Rows in blocks of sixteen that read the same entries of the light.
 //!
-//! E(v) = scale(v) Σ_j value(j, v) light\[entry(j)\] for the sixteen rows v of a block at once: an entry of the light is
-//! read once for all of them, and its byte of each row lies beside those of the others, so that a sum is one vector
+//! E(v) = scale(v) Σ_j value(share(j, v)) light\[entry(j)\] for the sixteen rows v of a block at once: an entry of the light
+//! is read once for all of them, and its byte of each row lies beside those of the others, so that a sum is one vector
 //! product per entry and colour whatever entries there are. Where rows have an entry that others lack, those hold a 0.
+//!
+//! A byte is a small float ([`value`]), four bits of exponent and four of fraction, which is the top of any larger float: no
+//! conversion takes time. Where a processor multiplies pairs of 16-bit floats, the light is rounded to those, 1 part in 512
+//! at most, each entry for itself.
 //!
 //! It is worth it where neighbours see the same: vertices go into blocks by where they lie and face ([`order`]), within
 //! groups of [`GROUP`] consecutive ones, so that a frame may still be computed part by part. Where it breaks: of a mesh
 //! whose vertices come in no order at all, sixteen neighbours within a group lie far apart and share little.
-
-use std::borrow::Cow;
 
 use glam::{Vec3, Vec4};
 
@@ -28,56 +30,89 @@ pub const BLOCKS: usize = GROUP / LANES;
 /// In a block's list of rows: no row.
 pub const NO_ROW: u16 = u16::MAX;
 
-/// What a byte stands for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Value {
-    /// 0..=255.
-    Unsigned,
-    /// -128..=127.
-    Signed,
-    /// The square of 0..=255.
-    Square,
+/// Largest value of a byte.
+pub const LARGEST: f32 = 1.9375;
+
+/// The lowest bit of a byte in a float of 32 bits, and what its exponent is less there than it should be.
+const SHIFT: u32 = 19;
+const BIAS: u32 = 112;
+
+/// By colour and row.
+pub(crate) type Sums = [[f32; LANES]; 3];
+
+/// What a byte stands for: 0, or with the exponent e = 1..=15 in its upper half and m in its lower, 2^(e - 15) (1 + m / 16),
+/// up to [`LARGEST`]. What has no exponent but a fraction, m 2^-18, is never written, and may count as 0.
+pub fn value(byte: u8) -> f32 {
+    f32::from_bits(u32::from(byte) << SHIFT) * f32::from_bits((127 + BIAS) << 23)
+}
+
+/// The byte whose value is nearest to `x`.
+pub fn byte(x: f32) -> u8 {
+    // Half of the least.
+    if x < 0.5 * value(16) {
+        return 0;
+    }
+    let bits = (x.clamp(value(16), LARGEST).to_bits() + (1 << (SHIFT - 1))) >> SHIFT;
+    (bits - (BIAS << (23 - SHIFT))).min(255) as u8
 }
 
 /// Some blocks.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Blocks<'a> {
-    pub value_of_byte: Value,
     /// Block b has the entries `start[b]..start[b + 1]`.
-    pub start: Cow<'a, [u32]>,
-    pub entry: Cow<'a, [u16]>,
+    pub start: &'a [u32],
+    pub entry: &'a [u16],
     /// Of each entry, and of each row of the block.
-    pub value: Cow<'a, [[u8; LANES]]>,
+    pub share: &'a [[u8; LANES]],
     /// Of each block.
-    pub scale: Cow<'a, [[f32; LANES]]>,
+    pub scale: &'a [[f32; LANES]],
+}
+
+/// A light.
+#[derive(Clone, Debug)]
+pub(crate) struct Light {
+    /// Colours of each entry, and a zero.
+    pub entries: Vec<Vec4>,
+    /// The same in floats of 16 bits, of which each is `unit`, where those are of use.
+    half: Vec<[u16; 4]>,
+    unit: f32,
+}
+
+impl Light {
+    /// Darkness.
+    pub fn new(n: usize) -> Light {
+        Light { entries: vec![Vec4::ZERO; n], half: vec![[0; 4]; n], unit: 1.0 }
+    }
+
+    /// To be called when entries have changed.
+    pub fn finish(&mut self) {
+        #[cfg(target_arch = "x86_64")]
+        if x86::has_half() {
+            let largest = self.entries.iter().fold(Vec4::ZERO, |a, e| a.max(e.abs())).max_element();
+            // A power of two, by which nothing is rounded; shares are that much too small in those floats.
+            let unit = f32::from_bits(largest.max(f32::MIN_POSITIVE).to_bits() & 0x7f80_0000);
+            x86::halve(&self.entries, 1.0 / unit, &mut self.half);
+            self.unit = unit;
+        }
+    }
 }
 
 impl Blocks<'_> {
-    /// The sums of block `b` by colour and row.
+    /// The sums of block `b` by colour and row, but for the rows' scale.
     ///
     /// # Panics
     /// When there is no such block, or an entry is not in the light.
-    pub fn sums(&self, b: usize, light: &[Vec4]) -> [[f32; LANES]; 3] {
-        let (entries, values) = self.block(b);
-        #[cfg(target_arch = "x86_64")]
-        if let Some(sums) = x86::sums(self.value_of_byte, entries, values, light) {
-            return scaled(sums, &self.scale[b]);
-        }
-        scaled(portable(self.value_of_byte, entries, values, light), &self.scale[b])
-    }
-
-    /// Entries and values of a block.
-    pub fn block(&self, b: usize) -> (&[u16], &[[u8; LANES]]) {
+    #[inline]
+    pub fn sums(&self, b: usize, light: &Light, sums: &mut Sums) {
         let range = self.start[b] as usize..self.start[b + 1] as usize;
-        (&self.entry[range.clone()], &self.value[range])
+        let (entries, shares) = (&self.entry[range.clone()], &self.share[range]);
+        sums.as_flattened_mut().fill(0.0);
+        #[cfg(target_arch = "x86_64")]
+        if x86::add(entries, shares, light, sums) {
+            return;
+        }
+        add_portable(entries, shares, light, sums);
     }
-}
-
-fn scaled(mut sums: [[f32; LANES]; 3], scale: &[f32; LANES]) -> [[f32; LANES]; 3] {
-    for colour in &mut sums {
-        colour.iter_mut().zip(scale).for_each(|(sum, scale)| *sum *= scale);
-    }
-    sums
 }
 
 /// The vertex from which the rows of block `b` are counted.
@@ -90,38 +125,35 @@ pub(crate) fn range(first: usize, count: usize, n_blocks: usize) -> std::ops::Ra
     first / GROUP * BLOCKS..((first + count).div_ceil(GROUP) * BLOCKS).min(n_blocks)
 }
 
-/// Adds the sums of a block whose rows are counted from vertex `group` to vertices from `first` on.
+/// Adds the sums of a block times the scale of each row, those being counted from vertex `group`, to vertices from `first` on.
 #[inline]
 pub(crate) fn add_to(
     sums: &[[f32; LANES]; 3],
+    scale: &[f32; LANES],
     rows: &[u16; LANES],
-    group: usize,
-    first: usize,
+    (group, first): (usize, usize),
     out: &mut [[f32; 3]],
 ) {
-    for (i, &row) in rows.iter().enumerate() {
+    let start = group.wrapping_sub(first);
+    for (i, (&row, &scale)) in rows.iter().zip(scale).enumerate() {
         // Rows before the first wrap round to where there are none.
-        if let Some(out) = out.get_mut((group + usize::from(row)).wrapping_sub(first)) {
-            out.iter_mut().zip(sums).for_each(|(out, sums)| *out += sums[i]);
+        if let Some([r, g, b]) = out.get_mut(start.wrapping_add(usize::from(row))) {
+            *r += scale * sums[0][i];
+            *g += scale * sums[1][i];
+            *b += scale * sums[2][i];
         }
     }
 }
 
 /// The sums as they are defined, for any processor.
-fn portable(of: Value, entries: &[u16], values: &[[u8; LANES]], light: &[Vec4]) -> [[f32; LANES]; 3] {
-    let mut sums = [[0.0; LANES]; 3];
-    for (entry, bytes) in entries.iter().zip(values) {
-        let value = match of {
-            Value::Unsigned => bytes.map(f32::from),
-            Value::Signed => bytes.map(|byte| f32::from(byte as i8)),
-            Value::Square => bytes.map(|byte| f32::from(byte) * f32::from(byte)),
-        };
-        let light = light[usize::from(*entry)].truncate().to_array();
+fn add_portable(entries: &[u16], shares: &[[u8; LANES]], light: &Light, sums: &mut Sums) {
+    for (entry, bytes) in entries.iter().zip(shares) {
+        let values = bytes.map(value);
+        let light = light.entries[usize::from(*entry)].truncate().to_array();
         for (sums, l) in sums.iter_mut().zip(light) {
-            sums.iter_mut().zip(&value).for_each(|(sum, value)| *sum += value * l);
+            sums.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value * l);
         }
     }
-    sums
 }
 
 /// The rows of each group in the order in which they go into blocks, counted within the group: by the side that a vertex
@@ -170,32 +202,55 @@ mod tests {
     use super::*;
 
     #[test]
+    fn bytes_are_small_floats() {
+        assert_eq!((value(0), value(255), value(0xf0), value(0x18)), (0.0, LARGEST, 1.0, 1.5 / 16384.0));
+        for b in (16..=255).chain([0]) {
+            assert_eq!(byte(value(b)), b);
+        }
+        for i in 1..4000 {
+            let x = i as f32 * 5e-4;
+            let nearest = (0..=255).map(|b| (value(b) - x).abs()).fold(f32::MAX, f32::min);
+            assert!((value(byte(x)) - x).abs() <= nearest * 1.0001, "{x}");
+        }
+        assert_eq!((byte(-1.0), byte(1e9), byte(1e-9)), (0, 255, 0));
+    }
+
+    #[test]
     fn every_instruction_set_agrees_with_the_portable_sum() {
-        let light: Vec<Vec4> =
-            (0..300).map(|i| Vec4::new((i as f32 * 0.3).sin(), 1.0 + i as f32, -(i as f32), 9.0)).collect();
-        for n in [0usize, 1, 2, 3, 8, 77] {
-            let entries: Vec<u16> = (0..n).map(|i| (i * 37 % 300) as u16).collect();
-            let values: Vec<[u8; LANES]> =
-                (0..n).map(|i| std::array::from_fn(|lane| (i * 59 + lane * 31) as u8)).collect();
-            for of in [Value::Unsigned, Value::Signed, Value::Square] {
-                let plain = portable(of, &entries, &values, &light);
-                assert!(
-                    n == 0 || plain.as_flattened().iter().any(|x| x.abs() > 10.0),
-                    "something to compare"
-                );
-                // Sums of n products, each rounded once or twice.
-                let largest = if of == Value::Square { 65025.0 } else { 255.0 } * 300.0 * n as f32;
-                let close = |found: &[[f32; LANES]; 3]| {
-                    for (a, b) in found.as_flattened().iter().zip(plain.as_flattened()) {
-                        assert!((a - b).abs() <= 1e-6 * largest, "{a} {b}, {n} entries, {of:?}");
-                    }
+        for strength in [1.0, 3e-9, 7e8] {
+            let mut light = Light::new(300);
+            for (i, entry) in light.entries.iter_mut().enumerate() {
+                let colour = Vec4::new((i as f32 * 0.3).sin(), 1.0 + i as f32, -(i as f32), 0.0);
+                *entry = strength * colour;
+            }
+            light.finish();
+            for n in [0usize, 1, 2, 3, 8, 77, 1000] {
+                let entries: Vec<u16> = (0..n).map(|i| (i * 37 % 300) as u16).collect();
+                let share = |i: usize, lane: usize| match (i * 59 + lane * 31) as u8 {
+                    low @ 0..16 => low / 15 * 16,
+                    high => high,
                 };
+                let shares: Vec<[u8; LANES]> =
+                    (0..n).map(|i| std::array::from_fn(|lane| share(i, lane))).collect();
+                let mut plain = [[2.0 * strength; LANES]; 3];
+                add_portable(&entries, &shares, &light, &mut plain);
+                assert!(n < 8 || plain.as_flattened().iter().any(|x| x.abs() > 5.0 * strength));
                 #[cfg(target_arch = "x86_64")]
-                match x86::sums_of_every_kind(of, &entries, &values, &light) {
-                    found if found.is_empty() => println!("skipped: this processor has no AVX2"),
-                    found => found.iter().for_each(close),
+                for (is_half, add) in x86::every_kind() {
+                    let mut found = [[2.0 * strength; LANES]; 3];
+                    add(&entries, &shares, &light, &mut found);
+                    // Sums of n products, each rounded once or twice; or of a light of 8 bits, by half of the last.
+                    let largest = LARGEST * 300.0 * strength * n.max(1) as f32;
+                    let off = if is_half { 1.0 / 512.0 } else { 1e-6 };
+                    for (a, b) in found.as_flattened().iter().zip(plain.as_flattened()) {
+                        assert!((a - b).abs() <= off * largest, "{a} {b}, {n} entries, half: {is_half}");
+                    }
                 }
             }
+        }
+        #[cfg(target_arch = "x86_64")]
+        if x86::every_kind().is_empty() {
+            println!("skipped: this processor has no AVX2");
         }
     }
 
@@ -236,7 +291,7 @@ mod tests {
         rows[..4].copy_from_slice(&[0, 5, 6, 9]);
         let mut out = [[0.0; 3]; 3];
         // Vertices 1029 to 1031 are rows 5 to 7 of the second group.
-        add_to(&sums, &rows, GROUP, 1029, &mut out);
-        assert_eq!(out, [[1.0; 3], [1.0; 3], [0.0; 3]]);
+        add_to(&sums, &[0.5; LANES], &rows, (GROUP, 1029), &mut out);
+        assert_eq!(out, [[0.5; 3], [0.5; 3], [0.0; 3]]);
     }
 }

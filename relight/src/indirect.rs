@@ -7,11 +7,11 @@
 //!
 //! ```text
 //! R[p]  = Σ w ρ E_direct / Σ w                         over the vertices v of patch p, w = area[v] S[v]
-//! B[p]  = R[p] + ρ[p] scale[p] Σ_k share²[k, p] B[node[k]]      over the links k of p's block, solved by iteration
-//! E(v) += scale[v] Σ_k share²[k, v] B[node[k]]                  over the links k of v's block
+//! B[p]  = R[p] + ρ[p] scale[p] Σ_k value(share[k, p]) B[node[k]]      over the links k of p's block, solved by iteration
+//! E(v) += scale[v] Σ_k value(share[k, v]) B[node[k]]                  over the links k of v's block
 //! ```
 //!
-//! S\[v\] = scale\[v\] Σ_k share²\[k, v\] being what a vertex sees of others, and so, by reciprocity, what they see of it, and
+//! S\[v\] = scale\[v\] Σ_k value(share\[k, v\]) being what a vertex sees of others, and so, by reciprocity, what they see of it, and
 //! where B of a node with children is Σ part\[c\] B\[c\] over them: about their mean by area, with weights by which a
 //! patch sends out through all links together what it does through the rows themselves. E is irradiance without the receiver's albedo, in the unit of
 //! the light. A vertex's area is a third of its triangles'.
@@ -26,7 +26,7 @@
 //! | `indirect.row` | u16 \[A,16\] | vertices of each block, counted from the first of their group of 1024, of which 64 blocks are; [`NO_ROW`]: none |
 //! | `indirect.start` | u32 \[A+C+1\] | block b has the links `start[b]..start[b + 1]`; blocks of vertices, then of patches, 16 after 16 in the order of their nodes |
 //! | `indirect.node` | u16 \[L\] | |
-//! | `indirect.share` | u8 \[L,16\] | square root of what the link is worth to each row |
+//! | `indirect.share` | u8 \[L,16\] | what the link is worth to each row, a small float ([`block::value`]) |
 //! | `indirect.scale` | f32 \[A+C,16\] | |
 //!
 //! What comes through windows glossy vertices send on by their lobes (`shine.rs`), so that of them R is of their albedo alone;
@@ -41,7 +41,7 @@
 use glam::{Vec3, Vec4};
 
 use crate::asset::{Asset, Data, Error, NO_PATCH};
-use crate::block::{self, Blocks, LANES, NO_ROW};
+use crate::block::{self, Blocks, LANES, NO_ROW, Sums};
 use crate::glossy::reflectance;
 use crate::light::{Cap, Light, split};
 use crate::shell;
@@ -122,7 +122,7 @@ pub struct Carrier<'a> {
     albedo: Vec<Vec3>,
     reflected: Vec<Vec3>,
     /// Of each node: all that leaves it.
-    leaving: Vec<Vec4>,
+    leaving: block::Light,
     /// Of each leaf, in the next step.
     next: Vec<Vec3>,
     steps: usize,
@@ -143,10 +143,13 @@ impl<'a> Carrier<'a> {
         let leaves = leaves(children);
         let n_leaves = leaves.len();
         let mut weighted = vertex_area(asset);
-        let ones = vec![Vec4::ONE; children.len()];
+        let mut ones = block::Light::new(children.len());
+        ones.entries.fill(Vec4::ONE);
+        ones.finish();
+        let mut seen = [[0.0; LANES]; 3];
         for (b, vertices) in blocks_of_vertices(rows) {
-            let seen = blocks.sums(b, &ones)[0];
-            vertices.for_each(|(lane, v)| weighted[v] *= f64::from(seen[lane]));
+            blocks.sums(b, &ones, &mut seen);
+            vertices.for_each(|(lane, v)| weighted[v] *= f64::from(seen[0][lane] * blocks.scale[b][lane]));
         }
         let share = shares(patch, &weighted, children.len());
         let shine = Shine::open(asset, (patch, &share), (children, part), &blocks)?;
@@ -166,7 +169,7 @@ impl<'a> Carrier<'a> {
             blocks,
             albedo,
             reflected: vec![Vec3::ZERO; children.len()],
-            leaving: vec![Vec4::ZERO; children.len()],
+            leaving: block::Light::new(children.len()),
             next: vec![Vec3::ZERO; n_leaves],
             steps: bounces(asset).saturating_sub(1).min(STEPS),
             shine,
@@ -243,7 +246,7 @@ impl<'a> Carrier<'a> {
                 self.add_shine_to_patches();
             }
         }
-        for (b, r) in self.leaving.iter_mut().zip(&self.reflected) {
+        for (b, r) in self.leaving.entries.iter_mut().zip(&self.reflected) {
             *b = r.extend(0.0);
         }
         self.average();
@@ -254,30 +257,32 @@ impl<'a> Carrier<'a> {
         let Some(shine) = &self.shine else { return };
         for (j, leaves) in self.leaves.chunks(LANES).enumerate() {
             let middle = |i: usize| leaves.get(i).map_or(Vec3::ZERO, |leaf| shine.middle(usize::from(*leaf)));
-            let [r, g, b] = shine.sums(self.rows.len() + j, &self.blocks, &std::array::from_fn(middle));
-            for (i, leaf) in leaves.iter().enumerate() {
+            let (block, mut sums) = (self.rows.len() + j, [[0.0; LANES]; 3]);
+            shine.add_to(block, &self.blocks, &std::array::from_fn(middle), &mut sums);
+            for (i, (leaf, scale)) in leaves.iter().zip(&self.blocks.scale[block]).enumerate() {
                 let leaf = usize::from(*leaf);
-                self.reflected[leaf] += self.albedo[leaf] * Vec3::new(r[i], g[i], b[i]);
+                self.reflected[leaf] += self.albedo[leaf] * *scale * Vec3::from(sums.map(|sums| sums[i]));
             }
         }
     }
 
-    /// What the lobes send to the vertices of block `b`.
-    fn shine_on(&self, shine: &Shine, b: usize) -> [[f32; LANES]; 3] {
+    /// Adds what the lobes send to the vertices of block `b`.
+    fn shine_on(&self, shine: &Shine, b: usize, sums: &mut Sums) {
         let place = |row: u16| {
             let v = block::first_row(b) + usize::from(row);
             self.position.get(v).map_or(Vec3::ZERO, |p| Vec3::from(*p))
         };
-        shine.sums(b, &self.blocks, &self.rows[b].map(place))
+        shine.add_to(b, &self.blocks, &self.rows[b].map(place), sums);
     }
 
     /// What leaves the patches of their block `j` under what leaves all now.
     fn send(&self, j: usize, next: &mut [Vec3]) {
-        let [r, g, b] = self.blocks.sums(self.rows.len() + j, &self.leaving);
-        let leaves = &self.leaves[j * LANES..];
-        for (((next, leaf), r), (g, b)) in next.iter_mut().zip(leaves).zip(r).zip(g.into_iter().zip(b)) {
+        let (block, mut sums) = (self.rows.len() + j, [[0.0; LANES]; 3]);
+        self.blocks.sums(block, &self.leaving, &mut sums);
+        let leaves = self.leaves[j * LANES..].iter().zip(&self.blocks.scale[block]);
+        for (i, (next, (leaf, scale))) in next.iter_mut().zip(leaves).enumerate() {
             let leaf = usize::from(*leaf);
-            *next = self.reflected[leaf] + self.albedo[leaf] * Vec3::new(r, g, b);
+            *next = self.reflected[leaf] + self.albedo[leaf] * *scale * Vec3::from(sums.map(|sums| sums[i]));
         }
     }
 
@@ -285,7 +290,7 @@ impl<'a> Carrier<'a> {
     fn step(&mut self, next: Vec<Vec3>) -> bool {
         let (mut change, mut all) = (Vec3::ZERO, Vec3::ZERO);
         for (leaf, next) in self.leaves.iter().zip(&next) {
-            let leaving = &mut self.leaving[usize::from(*leaf)];
+            let leaving = &mut self.leaving.entries[usize::from(*leaf)];
             change += (*next - leaving.truncate()).abs();
             all += *next;
             *leaving = next.extend(0.0);
@@ -297,12 +302,14 @@ impl<'a> Carrier<'a> {
 
     /// Gives nodes with children their mean.
     fn average(&mut self) {
+        let leaving = &mut self.leaving.entries;
         for node in (0..self.children.len()).rev() {
             let [l, r] = self.children[node].map(usize::from);
             if l > 0 {
-                self.leaving[node] = self.part[l] * self.leaving[l] + self.part[r] * self.leaving[r];
+                leaving[node] = self.part[l] * leaving[l] + self.part[r] * leaving[r];
             }
         }
+        self.leaving.finish();
     }
 
     /// Adds bounced irradiance to the vertices from `first` on: best by multiples of [`block::GROUP`].
@@ -311,15 +318,15 @@ impl<'a> Carrier<'a> {
     /// When there are not that many vertices.
     pub fn add(&self, first: usize, out: &mut [[f32; 3]]) {
         assert!(first + out.len() <= self.patch.len(), "there are not that many vertices");
+        let mut sums = [[0.0; LANES]; 3];
         for b in block::range(first, out.len(), self.rows.len()) {
             if self.blocks.start[b] < self.blocks.start[b + 1] {
-                let mut sums = self.blocks.sums(b, &self.leaving);
+                self.blocks.sums(b, &self.leaving, &mut sums);
                 if let Some(shine) = self.shine.as_ref().filter(|_| self.shines) {
-                    let more = self.shine_on(shine, b);
-                    let sums = sums.as_flattened_mut().iter_mut();
-                    sums.zip(more.as_flattened()).for_each(|(sum, more)| *sum += more);
+                    self.shine_on(shine, b, &mut sums);
                 }
-                block::add_to(&sums, &self.rows[b], block::first_row(b), first, out);
+                let scale = &self.blocks.scale[b];
+                block::add_to(&sums, scale, &self.rows[b], (block::first_row(b), first), out);
             }
         }
     }
@@ -399,13 +406,7 @@ impl<'a> Parts<'a> {
                 return Err(wrong(name, &format!("value {at} is negative")));
             }
         }
-        let blocks = Blocks {
-            value_of_byte: block::Value::Square,
-            start: start.into(),
-            entry: node.into(),
-            value: share.into(),
-            scale: scale.into(),
-        };
+        let blocks = Blocks { start, entry: node, share, scale };
         Ok(Some(Parts { patch, children, part, rows, blocks }))
     }
 }

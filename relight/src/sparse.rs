@@ -38,7 +38,9 @@
 mod decode;
 mod dot;
 mod encode;
+mod fixed;
 mod light;
+mod pairs;
 mod probe;
 mod rows;
 mod store;

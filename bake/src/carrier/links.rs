@@ -13,8 +13,8 @@
 //! little in all, and the room would be darker than it is: weights are multiplied by what the patches' rows themselves
 //! say that a patch sends, over what their links do, and links are chosen again.
 //!
-//! Shares take a byte: S = scale q², since many links are small. What rounding leaves of one goes on to the next, and
-//! the scale is set last, so that the row keeps its sum.
+//! Shares take a byte, a small float ([`block::value`]), since many links are small. What rounding leaves of one goes on to
+//! the next, and the scale is set last, so that the row keeps its sum.
 
 use std::collections::BinaryHeap;
 
@@ -128,7 +128,7 @@ impl Linker<'_> {
             let block = links.start[b] as usize..links.start[b + 1] as usize;
             for (node, shares) in links.node[block.clone()].iter().zip(&links.share[block]) {
                 for ((area, q), scale) in areas.iter().zip(shares).zip(&links.scale[b]) {
-                    nodes[usize::from(*node)] += area * scale * f32::from(*q).powi(2);
+                    nodes[usize::from(*node)] += area * scale * block::value(*q);
                 }
             }
         }
@@ -199,7 +199,7 @@ fn encode(links: &Chosen) -> Encoded {
         if largest <= 0.0 {
             continue;
         }
-        let scale = largest / (255.0 * 255.0);
+        let scale = largest / block::LARGEST;
         let (mut carry, mut total, mut stored) = (0.0, 0.0f64, 0.0f64);
         for ((_, shares), (_, bytes)) in links.iter().zip(&mut out) {
             let share = shares[lane];
@@ -208,11 +208,11 @@ fn encode(links: &Chosen) -> Encoded {
                 continue;
             }
             let wanted: f32 = (share + carry).max(0.0);
-            let q = (wanted / scale).sqrt().round().min(255.0);
-            carry = share + carry - scale * q * q;
+            bytes[lane] = block::byte(wanted / scale);
+            let written = scale * block::value(bytes[lane]);
+            carry += share - written;
             total += f64::from(share);
-            stored += f64::from(scale * q * q);
-            bytes[lane] = q as u8;
+            stored += f64::from(written);
         }
         *scale_of_row = (f64::from(scale) * total / stored) as f32;
     }

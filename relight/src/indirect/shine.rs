@@ -24,7 +24,7 @@
 use glam::Vec3;
 
 use crate::asset::{Asset, Error};
-use crate::block::{Blocks, LANES};
+use crate::block::{self, Blocks, LANES, Sums};
 use crate::glossy::{GlossyVertex, glossy_vertices, mean_reflectance};
 use crate::lobe::fast::{exp2, log2};
 
@@ -69,9 +69,6 @@ struct Sent {
     moment: Vec3,
     place: Vec3,
 }
-
-/// By colour and row.
-type Sums = [[f32; LANES]; 3];
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Lobe {
@@ -212,34 +209,34 @@ impl Shine {
         }
     }
 
-    /// What the lobes send to the rows of block `b`, which lie there.
-    pub fn sums(&self, b: usize, blocks: &Blocks, at: &[Vec3; LANES]) -> Sums {
+    /// Adds what the lobes send to the rows of block `b`, which lie there, but for the rows' scale.
+    pub fn add_to(&self, b: usize, blocks: &Blocks, at: &[Vec3; LANES], sums: &mut Sums) {
         let at = [0, 1, 2].map(|axis| at.map(|p| p[axis]));
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            // SAFETY: the processor has the features that `sums_avx2` is compiled for.
-            return unsafe { self.sums_avx2(b, blocks, &at) };
+            // SAFETY: the processor has the features that `add_avx2` is compiled for.
+            unsafe { self.add_avx2(b, blocks, &at, sums) };
+            return;
         }
-        self.sums_portable(b, blocks, &at)
+        self.add_portable(b, blocks, &at, sums);
     }
 
     /// The same code in wider vectors.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma")]
-    fn sums_avx2(&self, b: usize, blocks: &Blocks, at: &[[f32; LANES]; 3]) -> Sums {
-        self.sums_portable(b, blocks, at)
+    fn add_avx2(&self, b: usize, blocks: &Blocks, at: &[[f32; LANES]; 3], sums: &mut Sums) {
+        self.add_portable(b, blocks, at, sums);
     }
 
     #[inline(always)]
-    fn sums_portable(&self, b: usize, blocks: &Blocks, at: &[[f32; LANES]; 3]) -> Sums {
-        let mut sums = [[0.0; LANES]; 3];
+    fn add_portable(&self, b: usize, blocks: &Blocks, at: &[[f32; LANES]; 3], sums: &mut Sums) {
         for &link in &self.link[self.start[b] as usize..self.start[b + 1] as usize] {
             let node = usize::from(blocks.entry[link as usize]);
             let lobes = &self.lobes[node * self.n_sources..(node + 1) * self.n_sources];
             if lobes.iter().all(|lobe| lobe.exponent == 0.0) {
                 continue;
             }
-            let worth = blocks.value[link as usize].map(|q| f32::from(q) * f32::from(q));
+            let worth = blocks.share[link as usize].map(block::value);
             for lobe in lobes {
                 let Lobe { most, even, axis, exponent, from } = *lobe;
                 for i in 0..LANES {
@@ -253,10 +250,6 @@ impl Shine {
                 }
             }
         }
-        for colour in &mut sums {
-            colour.iter_mut().zip(&blocks.scale[b]).for_each(|(sum, scale)| *sum *= scale);
-        }
-        sums
     }
 
     /// Middle of a node, metres.
@@ -292,8 +285,6 @@ mod tests {
     use std::f32::consts::PI;
 
     use glam::DVec3;
-
-    use crate::block::Value;
 
     fn sent(r: f32) -> Sent {
         let power = Vec3::new(1.0, 2.0, 3.0);
@@ -342,18 +333,19 @@ mod tests {
         for (i, r) in [0.9, 0.2, 0.0, 0.0, 0.7, 0.97].into_iter().enumerate() {
             shine.lobes[i] = if r > 0.0 { Lobe::of(&sent(r)) } else { Lobe::default() };
         }
-        let value: Vec<[u8; LANES]> =
-            (0..3).map(|l| std::array::from_fn(|i| (50 * l + 9 * i) as u8)).collect();
+        let share: Vec<[u8; LANES]> =
+            (0..3).map(|l| std::array::from_fn(|i| (180 + 20 * l + 2 * i) as u8)).collect();
         let blocks = Blocks {
-            value_of_byte: Value::Square,
-            start: vec![0, 3].into(),
-            entry: vec![0, 1, 2].into(),
-            value: value.into(),
-            scale: vec![std::array::from_fn(|i| 1e-5 * (1.0 + i as f32))].into(),
+            start: &[0, 3],
+            entry: &[0, 1, 2],
+            share: &share,
+            scale: &[std::array::from_fn(|i| 0.5 * (1.0 + i as f32))],
         };
         let at: [Vec3; LANES] = std::array::from_fn(|i| Vec3::new(i as f32, 3.0 - i as f32, 2.0));
         let split = [0, 1, 2].map(|axis| at.map(|p| p[axis]));
-        let (any, plain) = (shine.sums(0, &blocks, &at), shine.sums_portable(0, &blocks, &split));
+        let [mut any, mut plain] = [[[0.25; LANES]; 3]; 2];
+        shine.add_to(0, &blocks, &at, &mut any);
+        shine.add_portable(0, &blocks, &split, &mut plain);
         assert!(plain.as_flattened().iter().filter(|x| **x > 1e-3).count() > 20, "{plain:?}");
         for (a, b) in any.as_flattened().iter().zip(plain.as_flattened()) {
             assert!((a - b).abs() <= 1e-5 * b.abs(), "{a} {b}");

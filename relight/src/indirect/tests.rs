@@ -2,7 +2,7 @@ use std::borrow::Cow;
 
 use super::*;
 use crate::asset::Metadata;
-use crate::block::GROUP;
+use crate::block::{self, GROUP};
 use crate::light::{CieOvercast, Sky, Source};
 
 /// A strip of `v` vertices at (i / 2, 0, i mod 2) in triangles, `k` links per row; three patches, the first apart from
@@ -31,10 +31,10 @@ fn strip(v: usize, k: usize) -> Asset<'static> {
     let links = blocks * k;
     let node = (0..links).map(|i| (i * 7 % 5) as u16).collect();
     asset.insert("indirect.node", &[links], Data::U16(Cow::Owned(node)));
-    let share = (0..LANES * links).map(|i| (i * 31 % 253) as u8).collect();
+    let share = (0..LANES * links).map(|i| (208 + i * 31 % 48) as u8).collect();
     asset.insert("indirect.share", &[links, LANES], Data::U8(Cow::Owned(share)));
     // Rows of about a half in all.
-    let scale = (0..LANES * blocks).map(|i| (1.0 + 0.2 * (i as f32).sin()) * 2.0e-5 / k as f32).collect();
+    let scale = (0..LANES * blocks).map(|i| (1.0 + 0.2 * (i as f32).sin()) * 0.6 / k as f32).collect();
     asset.insert("indirect.scale", &[blocks, LANES], Data::F32(Cow::Owned(scale)));
     asset
 }
@@ -62,7 +62,7 @@ fn naive(asset: &Asset, direct: &[[f32; 3]]) -> Vec<[f64; 3]> {
     let links = |i: usize| {
         let (block, lane) = (place(v, i) / LANES, place(v, i) % LANES);
         let scale = f64::from(scale[LANES * block + lane]);
-        let link = move |l: usize| (node[l], scale * f64::from(share[LANES * l + lane]).powi(2));
+        let link = move |l: usize| (node[l], scale * f64::from(block::value(share[LANES * l + lane])));
         (start[block] as usize..start[block + 1] as usize).map(link)
     };
     let mut area = vec![0.0f64; v];
@@ -116,8 +116,9 @@ fn carrier_is_its_sums() {
         let size = expected.iter().flatten().fold(0.0f64, |a, x| a.max(x.abs()));
         for (a, b) in out.iter().zip(&expected) {
             for c in 0..3 {
-                // The iteration ends when a step changes 3e-4 of all, of which albedo and rows keep a half.
-                assert!((f64::from(a[c]) - 1.0 - b[c]).abs() < 2e-3 * size, "{a:?} {b:?}, k = {k}");
+                // The iteration ends when a step changes 3e-4 of all, of which albedo and rows keep a half; and the light of
+                // each of five nodes may be rounded by 1 part in 512.
+                assert!((f64::from(a[c]) - 1.0 - b[c]).abs() < 6e-3 * size, "{a:?} {b:?}, k = {k}");
             }
         }
         let mut part = vec![[1.0; 3]; v - 5];
@@ -139,7 +140,7 @@ fn light_bounces_as_often_as_the_bake_says() {
     };
     let endless = lit(&asset);
     let mut last = 0.0;
-    for bounces in 1..6 {
+    for bounces in 1..5 {
         asset.metadata.options.insert("bounces".into(), bounces.into());
         let now = lit(&asset);
         assert!(now > last && now < 1.01 * endless, "{bounces} bounces: {last}, {now}, {endless}");

@@ -87,7 +87,7 @@ enum Edge {
 const LEAST: f32 = 1e-3;
 
 /// Distances that are tried, as parts of the way to the window's plane.
-const PARTS: [f32; 9] = [1.0, 1.2, 1.5, 2.5, 0.8, 0.6, 0.4, 0.25, 0.15];
+const PARTS: [f32; 11] = [1.0, 1.2, 1.5, 2.5, 0.8, 0.6, 0.4, 0.25, 0.15, 0.1, 0.06];
 
 /// What corners see of a window counts where the least of them is this part of their mean.
 const COMMON: f32 = 0.5;

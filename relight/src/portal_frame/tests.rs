@@ -180,9 +180,10 @@ fn bounced_light_may_be_carried_from_direct_light() {
     let start = (0..=blocks as u32 + 1).map(|b| 2 * b.min(blocks as u32)).collect();
     asset.insert("indirect.start", &[blocks + 2], Data::U32(Cow::Owned(start)));
     asset.insert("indirect.node", &[2 * blocks], Data::U16(Cow::Owned(vec![0; 2 * blocks])));
-    let share = vec![5; 2 * blocks * LANES];
+    // 1.
+    let share = vec![0xf0; 2 * blocks * LANES];
     asset.insert("indirect.share", &[2 * blocks, LANES], Data::U8(Cow::Owned(share)));
-    let scale = vec![0.01; (blocks + 1) * LANES];
+    let scale = vec![0.25; (blocks + 1) * LANES];
     asset.insert("indirect.scale", &[blocks + 1, LANES], Data::F32(Cow::Owned(scale)));
     let mut frame = PortalFrame::new(&asset).unwrap();
     assert_eq!(frame.indirect(), Indirect::Sh);

@@ -3,6 +3,7 @@
 use glam::Vec4;
 
 use super::dot::Planes;
+use super::fixed::{Fixed, has_rest};
 use super::{LONGEST_RUN, N_COARSE, TIER, n_haar_entries, transpose};
 use crate::{cubemap, haar};
 
@@ -19,6 +20,8 @@ pub struct SparseLight {
     scratch: Vec<Vec4>,
     /// By basis and colour.
     planes: [[Vec<f32>; 3]; 3],
+    /// For rows in blocks: texels, and entries of Haar rows.
+    fixed: [Fixed; 2],
 }
 
 impl SparseLight {
@@ -36,6 +39,7 @@ impl SparseLight {
             scratch: entries(n * n),
             planes: [cubemap::n_texels(n), n_haar_entries(n), cubemap::n_texels(n)]
                 .map(|count| std::array::from_fn(|_| vec![0.0; count + PADDING])),
+            fixed: [false, true].map(|is_haar| Fixed::new(sections(n, is_haar))),
         }
     }
 
@@ -63,17 +67,27 @@ impl SparseLight {
         for (from, to) in pulse.iter().zip(columns) {
             transpose(self.n, &from[..texels.len()], &mut to[..texels.len()]);
         }
+        let [pulse, haar] = [pulse, haar].map(|planes| planes.each_ref().map(Vec::as_slice));
+        let has_rest = has_rest(pulse.map(|plane| &plane[..texels.len()]));
+        self.fixed[0].set(pulse, has_rest);
+        self.fixed[1].set(haar, has_rest);
     }
 
-    /// Entries with their colours together: texels, or those of Haar rows.
-    pub(super) fn entries(&self, is_haar: bool) -> &[Vec4] {
-        if is_haar { &self.haar } else { &self.pulse }
+    /// In whole numbers: texels, or entries of Haar rows, whose tiers are its [`sections`].
+    pub(super) fn fixed(&self, is_haar: bool) -> &Fixed {
+        &self.fixed[usize::from(is_haar)]
     }
 
     /// Entries and zeros behind them, by [`Basis`](super::Basis) and colour.
     pub(super) fn planes(&self) -> Planes<'_> {
         self.planes.each_ref().map(|planes| planes.each_ref().map(Vec::as_slice))
     }
+}
+
+/// Where entries end that are of one size: all texels, or each tier of Haar entries.
+pub(super) fn sections(n: usize, is_haar: bool) -> Vec<usize> {
+    let texels = cubemap::n_texels(n);
+    if is_haar { vec![texels, texels + 6 * N_COARSE, n_haar_entries(n)] } else { vec![texels] }
 }
 
 /// Haar entries: coefficients, coarse ones times [`TIER`], means divided by it.

@@ -5,14 +5,17 @@
 //! are long, as those of a whole sky are, or neighbours share little. The file knows nothing of blocks.
 
 use super::decode::for_each_entry;
+use super::fixed::WHOLE;
+use super::light::sections;
+use super::pairs::{self, List, Pair};
 use super::{Basis, Rows, SparseLight, n_haar_entries};
-use crate::block::{self, Blocks, GROUP, LANES, NO_ROW, Value};
+use crate::block::{self, GROUP, LANES, NO_ROW, Sums};
 
-/// What a row costs beside its runs, what a run does, and an entry of a block, by a measurement of each; in turns of an
-/// AVX-512 unit.
+/// What a row costs beside its runs, what a run does, and a pair of entries of a block, by a measurement of each; in turns of
+/// an AVX-512 unit.
 const ROW: usize = 8;
 const RUN: usize = 3;
-const ENTRY: usize = 3;
+const PAIR: usize = 3;
 
 /// Rows in blocks, where that is worth it.
 pub(crate) struct Together {
@@ -23,17 +26,25 @@ pub(crate) struct Together {
 
 /// The blocks of rows whose bytes mean the same.
 struct Kind {
+    is_haar: bool,
+    /// Where sections of entries end; a block has a list of pairs in each.
+    ends: Vec<usize>,
     /// Group g has the blocks `group[g]..group[g + 1]`.
     group: Vec<u32>,
     rows: Vec<[u16; LANES]>,
-    blocks: Blocks<'static>,
+    scale: Vec<[f32; LANES]>,
+    /// List i, of block i / sections, has the pairs `start[i]..start[i + 1]`.
+    start: Vec<u32>,
+    /// Of each pair its first entry, and the bytes.
+    first: Vec<u16>,
+    pairs: Vec<Pair>,
 }
 
 impl Together {
     /// Of rows whose vertices go into blocks in the [`order`](crate::block::order).
     pub fn new(rows: &Rows, order: &[u16]) -> Together {
-        let mut together =
-            Together { is_blocked: Vec::new(), kinds: [Value::Unsigned, Value::Signed].map(Kind::new) };
+        let kinds = [false, true].map(|is_haar| Kind::new(rows.n(), is_haar));
+        let mut together = Together { is_blocked: Vec::new(), kinds };
         let mut union = Union::new(rows.n());
         for (g, order) in order.chunks(GROUP).enumerate() {
             together.add_group(rows, g * GROUP, order, &mut union);
@@ -47,11 +58,11 @@ impl Together {
         for kind in &mut self.kinds {
             let has_some = |row: &&u16| {
                 let v = first + usize::from(**row);
-                rows.start[v] < rows.start[v + 1] && (rows.basis(v) == Basis::Haar) == kind.is_haar()
+                rows.start[v] < rows.start[v + 1] && (rows.basis(v) == Basis::Haar) == kind.is_haar
             };
             let list: Vec<u16> = order.iter().filter(has_some).copied().collect();
             for list in list.chunks(LANES) {
-                cost += ENTRY * kind.push(rows, first, list, union) + ROW * LANES / 2;
+                cost += PAIR * kind.push(rows, first, list, union) + ROW * LANES / 2;
             }
         }
         let runs = rows.first_run[first + order.len()] - rows.first_run[first];
@@ -81,22 +92,20 @@ impl Together {
 }
 
 impl Kind {
-    fn new(of: Value) -> Kind {
-        let blocks = Blocks {
-            value_of_byte: of,
-            start: vec![0].into(),
-            entry: Vec::new().into(),
-            value: Vec::new().into(),
-            scale: Vec::new().into(),
-        };
-        Kind { group: vec![0], rows: Vec::new(), blocks }
+    fn new(n: usize, is_haar: bool) -> Kind {
+        Kind {
+            is_haar,
+            ends: sections(n, is_haar),
+            group: vec![0],
+            rows: Vec::new(),
+            scale: Vec::new(),
+            start: vec![0],
+            first: Vec::new(),
+            pairs: Vec::new(),
+        }
     }
 
-    fn is_haar(&self) -> bool {
-        self.blocks.value_of_byte == Value::Signed
-    }
-
-    /// A block more, of up to sixteen rows; its entries.
+    /// A block more, of up to sixteen rows; its pairs.
     fn push(&mut self, rows: &Rows, first: usize, list: &[u16], union: &mut Union) -> usize {
         let (mut members, mut scale) = ([NO_ROW; LANES], [0.0; LANES]);
         for (lane, &row) in list.iter().enumerate() {
@@ -104,27 +113,59 @@ impl Kind {
             (members[lane], scale[lane]) = (row, rows.scale[v]);
             rows.each(v, |entry, byte| union.set(entry, lane, byte));
         }
-        let before = self.blocks.entry.len();
-        union.take(self.blocks.entry.to_mut(), self.blocks.value.to_mut());
-        self.blocks.start.to_mut().push(self.blocks.entry.len() as u32);
+        let before = self.pairs.len();
+        let list = union.sorted();
+        let mut entries = list.iter().peekable();
+        for &end in &self.ends {
+            while let Some((entry, bytes)) = entries.next_if(|(entry, _)| usize::from(*entry) < end) {
+                let is_next = |e: &u16| *e == entry + 1 && usize::from(*e) < end;
+                let next = entries.next_if(|(e, _)| is_next(e)).map_or([0; LANES], |(_, bytes)| *bytes);
+                self.first.push(*entry);
+                self.pairs.push(std::array::from_fn(|lane| [bytes[lane], next[lane]]));
+            }
+            self.start.push(self.pairs.len() as u32);
+        }
+        union.clear();
         self.rows.push(members);
-        self.blocks.scale.to_mut().push(scale);
-        self.blocks.entry.len() - before
+        self.scale.push(scale);
+        self.pairs.len() - before
     }
 
     fn truncate(&mut self, n_blocks: usize) {
         self.rows.truncate(n_blocks);
-        self.blocks.scale.to_mut().truncate(n_blocks);
-        self.blocks.start.to_mut().truncate(n_blocks + 1);
-        let n = self.blocks.start[n_blocks] as usize;
-        self.blocks.entry.to_mut().truncate(n);
-        self.blocks.value.to_mut().truncate(n);
+        self.scale.truncate(n_blocks);
+        self.start.truncate(n_blocks * self.ends.len() + 1);
+        let n = self.start.last().map_or(0, |end| *end as usize);
+        self.first.truncate(n);
+        self.pairs.truncate(n);
     }
 
     fn add(&self, g: usize, first: usize, light: &SparseLight, out: &mut [[f32; 3]]) {
-        let light = light.entries(self.is_haar());
+        let mut sums = [[0.0; LANES]; 3];
         for b in self.group[g] as usize..self.group[g + 1] as usize {
-            block::add_to(&self.blocks.sums(b, light), &self.rows[b], g * GROUP, first, out);
+            self.sums(b, light, &mut sums);
+            block::add_to(&sums, &self.scale[b], &self.rows[b], (g * GROUP, first), out);
+        }
+    }
+
+    /// The products of a block's rows with the light, but for their scale.
+    fn sums(&self, b: usize, light: &SparseLight, all: &mut Sums) {
+        let light = light.fixed(self.is_haar);
+        let (coarse, rest) = light.parts();
+        all.as_flattened_mut().fill(0.0);
+        for section in 0..self.ends.len() {
+            let list = b * self.ends.len() + section;
+            let range = self.start[list] as usize..self.start[list + 1] as usize;
+            if range.is_empty() {
+                continue;
+            }
+            let steps = light.steps(section);
+            let list = List { first: &self.first[range.clone()], pairs: &self.pairs[range], steps };
+            pairs::add(self.is_haar, list, coarse, all);
+            if let Some(rest) = rest {
+                let steps = steps.map(|step| step / WHOLE);
+                pairs::add(self.is_haar, List { steps, ..list }, rest, all);
+            }
         }
     }
 }
@@ -165,13 +206,15 @@ impl Union {
         self.list[usize::from(self.place[entry]) - 1].1[lane] = byte;
     }
 
-    /// Moves all to the ends of other lists, by rising entries.
-    fn take(&mut self, entries: &mut Vec<u16>, values: &mut Vec<[u8; LANES]>) {
+    /// All, by rising entries.
+    fn sorted(&mut self) -> &[(u16, [u8; LANES])] {
         self.list.sort_unstable_by_key(|(entry, _)| *entry);
-        for (entry, bytes) in self.list.drain(..) {
+        &self.list
+    }
+
+    fn clear(&mut self) {
+        for (entry, _) in self.list.drain(..) {
             self.place[usize::from(entry)] = 0;
-            entries.push(entry);
-            values.push(bytes);
         }
     }
 }
@@ -191,11 +234,12 @@ mod tests {
         let mut encoders = choices.map(|choice| Encoder::new(N, Encoding { choice, ..Encoding::default() }));
         let mut store = RowStore::default();
         for v in 0..V {
-            // A window, tall or wide, that moves with the vertex; some see none of it, and the last group all of the sky.
+            // A window, tall or wide, that moves with the vertex; some see none of it. In the last group each sees some texels of
+            // its own.
             let (x, y) = (v % 5 + v / 300, v % 3);
             let mut row = vec![0.0; cubemap::n_texels(N)];
             let inside = |t: usize| match v / GROUP {
-                2 => true,
+                2 => t / 32 == 2 * (v % 24),
                 _ if v % 11 == 0 => false,
                 _ => t / (N * N) == 2 && (x..x + 3).contains(&(t % N)) && (y..y + 9).contains(&(t / N % N)),
             };
@@ -211,21 +255,33 @@ mod tests {
             (0..V).map(|v| [(v % 5) as f32, (v % 3) as f32, (v / 300) as f32]).collect();
         let order = block::order(&position, &vec![[0.0, 1.0, 0.0]; V]);
         let together = Together::new(&rows, &order);
-        assert_eq!(together.is_blocked, [true, true, false], "windows in blocks, the sky in rows");
+        assert_eq!(together.is_blocked, [true, true, false], "windows in blocks, what is not shared in rows");
         assert!(together.kinds.iter().all(|kind| !kind.rows.is_empty()), "both kinds");
         let mut light = SparseLight::new(N);
         let texels: Vec<[f32; 3]> =
             (0..cubemap::n_texels(N)).map(|t| [1.0 + (t % 13) as f32, (t % 7) as f32, 0.5]).collect();
-        light.set(&texels);
-        for (first, count) in [(0, V), (5, 20), (GROUP - 3, 9), (GROUP, GROUP), (2 * GROUP - 1, 38), (V, 0)] {
-            let (mut expected, mut found) = (vec![[0.25; 3]; count], vec![[0.25; 3]; count]);
-            rows.add_portable(first, &light, &mut expected);
-            together.add(&rows, first, &light, &mut found);
-            let largest = expected.iter().flatten().fold(0.0f32, |a, e| a.max(*e));
-            for (a, b) in found.iter().flatten().zip(expected.iter().flatten()) {
-                // Rounding of the sums' order: up to 1536 products.
-                assert!((a - b).abs() <= 2e-5 * largest, "{a} {b}, from {first}");
+        // And with a texel of which most rows see nothing, bright enough to drown all others in 16 bits.
+        let mut glaring = texels.clone();
+        glaring[2 * N * N] = [1e5; 3];
+        for (texels, tolerance) in [(&texels, 3e-5), (&glaring, 1e-6)] {
+            light.set(texels);
+            for (first, count) in
+                [(0, V), (5, 20), (GROUP - 3, 9), (GROUP, GROUP), (2 * GROUP - 1, 38), (V, 0)]
+            {
+                let (mut expected, mut found) = (vec![[0.25; 3]; count], vec![[0.25; 3]; count]);
+                rows.add_portable(first, &light, &mut expected);
+                together.add(&rows, first, &light, &mut found);
+                let largest = light_of(texels);
+                for (a, b) in found.iter().flatten().zip(expected.iter().flatten()) {
+                    // Each entry is rounded to half a step of 1/32767 of the largest, or to 32 bits; then a row of up to 27
+                    // texels of 0.02 steradians by rounding of its sum.
+                    assert!((a - b).abs() <= tolerance * 0.5 * largest, "{a} {b}, from {first}");
+                }
             }
         }
+    }
+
+    fn light_of(texels: &[[f32; 3]]) -> f32 {
+        texels.iter().flatten().fold(0.0, |a, x| a.max(*x))
     }
 }
