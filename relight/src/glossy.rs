@@ -46,11 +46,11 @@
 
 use std::f32::consts::PI;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 use half::f16;
 
 use crate::asset::{Asset, Error};
-use crate::cubemap::{self, n_texels};
+use crate::cubemap::n_texels;
 use crate::portal_frame::{PortalFrame, Scratch};
 use crate::sparse::{Rows, decode};
 
@@ -116,7 +116,7 @@ struct Direct {
     start: Vec<u32>,
     weight: Vec<f32>,
     texel: Vec<u16>,
-    directions: Vec<Vec4>,
+    side: usize,
     light: Vec<Vec4>,
 }
 
@@ -125,7 +125,6 @@ struct Bounced {
     weight: Vec<f32>,
     /// The vertex's part of its patch times its reflectance over π, per vertex of the mesh.
     share: Vec<Vec3>,
-    directions: Vec<Vec4>,
     light: Vec<Vec4>,
 }
 
@@ -143,7 +142,6 @@ impl<'a> Glossy<'a> {
         let bounced = matrix.seen.as_ref().map(|seen| Bounced {
             weight: seen.weight.iter().map(|w| w.to_f32() * seen.scale).collect(),
             share: shares(asset, seen),
-            directions: directions(DIRECTION_SIDE),
             light: vec![Vec4::ZERO; seen.n_patches],
         });
         let (position, normal) = (asset.positions(), asset.normals());
@@ -232,8 +230,8 @@ impl<'a> Glossy<'a> {
         for direct in &self.direct {
             let row = direct.start[g] as usize..direct.start[g + 1] as usize;
             let (weight, texel) = (&direct.weight[row.clone()], &direct.texel[row]);
-            let entries = Entries { weight, direction: texel, source: texel };
-            sum += lobe.sum(&entries, &direct.directions, &direct.light);
+            let entries = Entries { weight, direction: texel, side: direct.side, source: texel };
+            sum += lobe.sum(&entries, &direct.light);
         }
         for beam in &self.beams {
             sum += lobe.kernel(beam.axis) * beam.irradiance[g].extend(0.0);
@@ -243,9 +241,10 @@ impl<'a> Glossy<'a> {
             let entries = Entries {
                 weight: &bounced.weight[row.clone()],
                 direction: &seen.direction[row.clone()],
+                side: DIRECTION_SIDE,
                 source: &seen.source[row],
             };
-            sum += lobe.sum(&entries, &bounced.directions, &bounced.light);
+            sum += lobe.sum(&entries, &bounced.light);
         }
         Vec3::new(red, green, blue) * lobe.normalisation() * sum.truncate()
     }
@@ -279,14 +278,8 @@ impl Direct {
             }
             start.push(weight.len() as u32);
         }
-        let (directions, light) = (directions(n), vec![Vec4::ZERO; n_texels(n)]);
-        Direct { start, weight, texel, directions, light }
+        Direct { start, weight, texel, side: n, light: vec![Vec4::ZERO; n_texels(n)] }
     }
-}
-
-/// Middles of the texels of a cubemap.
-fn directions(n: usize) -> Vec<Vec4> {
-    (0..n_texels(n)).map(|t| cubemap::direction(n, t, Vec2::splat(0.5)).extend(0.0)).collect()
 }
 
 /// Reflectance of each vertex for light that bounces: its albedo, and where it is glossy, Ks times
