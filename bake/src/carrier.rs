@@ -8,8 +8,8 @@
 //! B = R + ρ F̄ B,   and   E_indirect(v) = Σ_p F\[v,p\] B\[p\].
 //!
 //! A row of F is kept as K *links* to nodes ([`links`]): fine ones where the row changes from patch to patch, coarse ones
-//! where it is even, so that what is lit may be as small as a patch wherever it is; neighbours share theirs. A frame averages R over the nodes,
-//! iterates B at the patches, which have rows of their own, and takes K products per vertex.
+//! where it is even, so that what is lit may be as small as a patch wherever it is; neighbours share theirs. A frame
+//! averages R over the nodes, iterates B at the patches, which have rows of their own, and takes K products per vertex.
 //!
 //! Where it breaks: detail of bounced light finer than a patch, which shows beside the edge of a sunlit spot; noise of the
 //! rays within a node, where a sun lights a small part of what a vertex sees; and backs of one-sided surfaces, which give

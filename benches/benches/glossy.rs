@@ -83,7 +83,6 @@ fn main() {
             };
             frame.judge("glossy", Shine::Glossy, truth);
             frame.judge("sun in texels", Shine::Coarse, truth);
-            frame.judge("diffuse alone", Shine::Matt, truth);
         }
     }
 }
@@ -195,7 +194,6 @@ enum Shine {
     Glossy,
     /// As glossy, the sun spread over its texels.
     Coarse,
-    Matt,
 }
 
 struct Frame<'a> {
@@ -265,25 +263,23 @@ impl Frame<'_> {
             .zip(surface.albedo)
             .map(|(e, rho)| Vec3::from(*e).max(Vec3::ZERO) * *rho / std::f32::consts::PI)
             .collect();
-        if shine != Shine::Matt {
-            let mut glossy = Glossy::open(self.asset).expect("good tensors").expect("a glossy object");
-            let eye = self.visibility.eye().to_array();
-            let mut out = vec![[0.0; 3]; glossy.vertices().len()];
-            let projected = least(ROUNDS, || glossy.project(&frame, &irradiance));
-            let seen = least(ROUNDS, || glossy.radiance_parallel(eye, &mut out));
-            let (texels, patches) = glossy.entries_per_vertex();
-            println!(
-                "all vertices relit in {:.2} ms, patches lit in {:.2} ms, {} glossy vertices seen in {:.2} ms \
-                 ({texels:.0} texels and {patches:.0} patches each, {:.0} bytes beside the direct row)",
-                relit * 1e3,
-                projected * 1e3,
-                out.len(),
-                seen * 1e3,
-                glossy.bytes_per_vertex()
-            );
-            for (&v, s) in glossy.vertices().iter().zip(out) {
-                radiance[v as usize] += Vec3::from(s);
-            }
+        let mut glossy = Glossy::open(self.asset).expect("good tensors").expect("a glossy object");
+        let eye = self.visibility.eye().to_array();
+        let mut out = vec![[0.0; 3]; glossy.vertices().len()];
+        let projected = least(ROUNDS, || glossy.project(&frame, &irradiance));
+        let seen = least(ROUNDS, || glossy.radiance_parallel(eye, &mut out));
+        let (texels, patches) = glossy.entries_per_vertex();
+        println!(
+            "all vertices relit in {:.2} ms, patches lit in {:.2} ms, {} glossy vertices seen in {:.2} ms \
+             ({texels:.0} texels and {patches:.0} patches each, {:.0} bytes beside the direct row)",
+            relit * 1e3,
+            projected * 1e3,
+            out.len(),
+            seen * 1e3,
+            glossy.bytes_per_vertex()
+        );
+        for (&v, s) in glossy.vertices().iter().zip(out) {
+            radiance[v as usize] += Vec3::from(s);
         }
         let background = |d| self.light.radiance(d);
         means(

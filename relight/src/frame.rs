@@ -71,7 +71,9 @@ impl Missing {
 
 impl std::fmt::Display for Missing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "the asset has no {}; bake it with --basis {}", self.tensor, self.basis)
+        let Missing { tensor, basis } = self;
+        let bounces = if tensor.contains("indirect") { " and --bounces of at least 1" } else { "" };
+        write!(f, "the asset has no {tensor}; bake it with --basis {basis}{bounces}")
     }
 }
 

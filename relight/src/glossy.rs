@@ -60,6 +60,7 @@ mod matrix;
 mod tests;
 
 pub use lobe::mean_reflectance;
+pub(crate) use lobe::phong;
 use lobe::{Entries, Lobe};
 pub(crate) use matrix::check;
 use matrix::{Matrix, Seen};

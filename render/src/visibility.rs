@@ -94,8 +94,8 @@ impl Visibility {
         self.shade_through(None, surface, radiance, background)
     }
 
-    /// As [`shade`](Self::shade), with suns through these portals as sharp as [`Detail`] has them on the triangles of their
-    /// asset, whose vertices come first.
+    /// As [`shade`](Self::shade), with suns through these portals, and their highlights, as sharp as [`Detail`] has them on
+    /// the triangles of their asset, whose vertices come first, and whose glossy ones have their lobes in `radiance`.
     ///
     /// # Errors
     /// As [`shade`](Self::shade).
@@ -120,9 +120,10 @@ impl Visibility {
                 let of_pixel = share.weights().map(|weight| share.weight * weight);
                 let plain = mean(of_pixel, [a, b, c]);
                 match more.get(i) {
-                    Some(more) if *more != Vec3::ZERO => {
+                    Some((irradiance, radiance)) if (*irradiance, *radiance) != Default::default() => {
                         let albedo = surface.index[triangle as usize].map(|v| surface.albedo[v as usize]);
-                        (plain + lambert(mean(of_pixel, albedo), *more)).max(Vec3::ZERO)
+                        let diffuse = lambert(mean(of_pixel, albedo), *irradiance);
+                        (plain + diffuse + share.weight * *radiance).max(Vec3::ZERO)
                     }
                     _ => plain,
                 }
@@ -146,8 +147,8 @@ impl Visibility {
         shares.map(|s| s.iter().filter(|s| s.triangle != BACKGROUND).map(|s| s.weight).sum()).collect()
     }
 
-    /// Irradiance that shares have beyond what is interpolated, asked for triangle after triangle.
-    fn more(&self, portals: &PortalFrame, surface: &Surface) -> Vec<Vec3> {
+    /// Irradiance, and radiance of highlights, that shares have beyond what is interpolated, asked for triangle after triangle.
+    fn more(&self, portals: &PortalFrame, surface: &Surface) -> Vec<(Vec3, Vec3)> {
         let is_of_asset = |share: &Share| {
             let corners = surface.index.get(share.triangle as usize);
             corners.is_some_and(|c| c.iter().all(|v| (*v as usize) < portals.n_vertices()))
@@ -155,16 +156,19 @@ impl Visibility {
         let mut order: Vec<u32> =
             (0..self.shares.len() as u32).filter(|&i| is_of_asset(&self.shares[i as usize])).collect();
         order.par_sort_unstable_by_key(|&i| (self.shares[i as usize].triangle, i));
-        let found: Vec<[f32; 3]> = order
+        let eye = self.view.eye.to_array();
+        let found: Vec<([f32; 3], [f32; 3])> = order
             .par_iter()
             .with_min_len(LEAST_SHARES)
             .map_init(
                 || Detail::new(portals),
-                |detail, &i| detail.at(&self.point(surface, &self.shares[i as usize])),
+                |detail, &i| detail.seen_from(eye, &self.point(surface, &self.shares[i as usize])),
             )
             .collect();
-        let mut all = vec![Vec3::ZERO; self.shares.len()];
-        order.into_iter().zip(found).for_each(|(i, more)| all[i as usize] = more.into());
+        let mut all = vec![Default::default(); self.shares.len()];
+        for (i, (irradiance, radiance)) in order.into_iter().zip(found) {
+            all[i as usize] = (irradiance.into(), radiance.into());
+        }
         all
     }
 

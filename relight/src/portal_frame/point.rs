@@ -19,6 +19,7 @@
 use glam::{Vec2, Vec3};
 
 use super::beam::{Beam, Cut, Growth, Panes, Receivers, Scratch, line};
+use super::highlight::Highlight;
 use super::{Lit, PortalFrame, Shaft};
 use crate::cubemap::footprint::{Eye, Footprint};
 use crate::cubemap::{self, face_axes, flat, n_texels, on_face};
@@ -135,24 +136,47 @@ impl<'f, 'a> Detail<'f, 'a> {
     /// # Panics
     /// When there are no such vertices.
     pub fn at(&mut self, point: &Point) -> [f32; 3] {
+        self.more(point, None).0.to_array()
+    }
+
+    /// As [`at`](Self::at); and what is to be added to the radiance that an eye at this place, metres, sees of glossy
+    /// corners, interpolated as well.
+    ///
+    /// # Panics
+    /// As [`at`](Self::at).
+    pub fn seen_from(&mut self, eye: [f32; 3], point: &Point) -> ([f32; 3], [f32; 3]) {
+        let highlight = Highlight::new(self.frame, point, eye.into());
+        let (irradiance, radiance) = self.more(point, highlight.as_ref());
+        (irradiance.to_array(), radiance.to_array())
+    }
+
+    fn more(&mut self, point: &Point, highlight: Option<&Highlight>) -> (Vec3, Vec3) {
         let frame = self.frame;
         let lit = frame.portals.iter().filter(|p| p.lit == Lit::Bright);
         let shafts = lit.flat_map(|portal| portal.shafts(&frame.receivers));
-        let mut more = Vec3::ZERO;
+        let (mut irradiance, mut radiance) = (Vec3::ZERO, Vec3::ZERO);
         for (i, shaft) in shafts.enumerate() {
             if self.known.len() == i {
                 self.known.push(Known::default());
             }
-            more += self.known[i].more(&shaft, point, &mut self.scratch);
+            let known = &mut self.known[i];
+            let Some(found) = known.transfer(&shaft, point, &mut self.scratch) else { continue };
+            let corners = known.arrivals.map(|(seen, _)| seen);
+            let plain: f32 = corners.iter().zip(point.weights).map(|(seen, weight)| weight * seen).sum();
+            irradiance += (found - plain) * shaft.radiance;
+            if let Some(highlight) = highlight {
+                radiance += highlight.more(shaft.axis(), found, corners) * shaft.radiance;
+            }
         }
-        more.to_array()
+        (irradiance, radiance)
     }
 }
 
 impl Known {
-    /// What a beam sends to a point beyond what its triangle's corners make of it.
-    fn more(&mut self, shaft: &Shaft, point: &Point, scratch: &mut Scratch) -> Vec3 {
-        let Shaft { beam, receivers, panes, rows, radiance } = *shaft;
+    /// What a beam of radiance 1 sends to a point; `None` where that is best interpolated between its triangle's corners. Else
+    /// `arrivals` are theirs.
+    fn transfer(&mut self, shaft: &Shaft, point: &Point, scratch: &mut Scratch) -> Option<f32> {
+        let Shaft { beam, receivers, panes, rows, .. } = *shaft;
         let vertices = point.corners.map(|v| v as usize);
         let n_open = vertices.iter().filter(|v| panes.is_open(**v)).count();
         let p = point.mean(receivers.position);
@@ -161,7 +185,7 @@ impl Known {
             || beam.may_reach(p, panes) || vertices.iter().any(|&v| beam.may_reach(place(v), panes));
         // Triangles that reach from inside to outside are left as they are.
         if !(n_open == 3 || (n_open == 0 && is_reached())) || vertices.iter().all(|&v| rows.is_dark(v)) {
-            return Vec3::ZERO;
+            return None;
         }
         if self.triangle != Some(point.corners) {
             self.triangle = Some(point.corners);
@@ -169,17 +193,15 @@ impl Known {
             self.depth = None;
         }
         if self.arrivals.iter().all(|(seen, open)| *seen == 0.0 && *open > 0.0) {
-            return Vec3::ZERO;
+            return None;
         }
-        let plain: f32 =
-            self.arrivals.iter().zip(point.weights).map(|((seen, _), weight)| weight * seen).sum();
         let spot = (p, point.mean(receivers.normal).normalize_or_zero(), point.radius);
         let window = (panes, receivers);
         let Some((open, rim)) = beam.open_transfer(spot, n_open == 3, window, scratch) else {
-            return -plain * radiance;
+            return Some(0.0);
         };
         if self.arrivals.iter().all(|(seen, open)| *open > 0.0 && *seen >= WHOLE * open) {
-            return (open - plain) * radiance;
+            return Some(open);
         }
         let depth = match self.depth {
             Some(depth) => depth,
@@ -205,7 +227,7 @@ impl Known {
             whole += weight * f;
         }
         let share = if whole > LEAST * open { (light / whole).min(1.0) } else { 0.0 };
-        (share * open - plain) * radiance
+        Some(share * open)
     }
 }
 
