@@ -10,7 +10,7 @@ use lunette_relight::cubemap::{n_texels, project_light};
 use lunette_relight::glossy::{Glossy, HIGHEST_EXPONENT, mean_reflectance, reflectance};
 use lunette_relight::indirect::Indirect;
 use lunette_relight::light::Light;
-use lunette_relight::portal_frame::PortalFrame;
+use lunette_relight::portal_frame::{Detail, Point, PortalFrame};
 use lunette_relight::shell::{self, Shell};
 use lunette_render::{
     Camera, Gloss, ReferenceOptions, Surface, Tracer, difference, noise, reference_image,
@@ -348,4 +348,57 @@ fn sun_on_a_polished_floor_lights_the_room_along_its_mirrored_way() {
     let noise = noise(&truth.indirect_error, &truth.indirect, None).expect("numbers");
     println!("by lobes {by_lobes:.3}, evenly {evenly:.3}, noise {noise:.3}");
     assert!(noise < 0.02 && by_lobes < 0.07 && evenly > 8.0 * by_lobes, "{by_lobes} {evenly} {noise}");
+}
+
+/// The highlight of a sun on a polished floor, at points of triangles that see all of it and whose corners do: by the lobe
+/// itself, which interpolation between corners half a metre apart is no match for.
+#[test]
+fn highlights_of_suns_are_the_lobe_itself_between_vertices() {
+    let options = Options { basis: vec![Basis::Haar], ..options(256, 0) };
+    let polished = changed_room("box-room:window-width=3,window-height=2,edge=0.4", &options, polish);
+    let (mesh, asset) = (&polished.scene.mesh, &polished.asset);
+    let sun = light("cap:-1,0.7,0.2,0.05,100");
+    let mut frame = polished.lit(&sun);
+    let discs: Vec<_> = sun.discs().collect();
+    let (n, shell) = (frame.resolution(0), frame.captured(0).to_vec());
+    frame.set_shell_with_discs(0, Shell::new(n, &shell).expect("a shell"), &discs).expect("its side");
+    let mut direct = vec![[0.0; 3]; mesh.position.len()];
+    frame.direct(0, &mut direct);
+    let mut glossy = Glossy::open(asset).expect("good tensors").expect("a floor");
+    glossy.project(&frame, &vec![[0.0; 3]; direct.len()]);
+    let mut lobes = vec![[0.0; 3]; glossy.vertices().len()];
+    glossy.radiance(EYE.to_array(), 0, &mut lobes);
+    let mut seen = vec![Vec3::ZERO; direct.len()];
+    glossy.vertices().iter().zip(&lobes).for_each(|(&v, s)| seen[v as usize] = Vec3::from(*s));
+    let axis = vec3(-1.0, 0.7, 0.2).normalize();
+    let whole = 100.0 * PI * 0.05f32.sin().powi(2) * axis.y;
+    let mut detail = Detail::new(&frame);
+    let (mut expected, mut found, mut plain) = (Vec::new(), Vec::new(), Vec::new());
+    let all = polished.scene.vertex_lobes(HIGHEST_EXPONENT);
+    for corners in &mesh.index {
+        let at = corners.map(|v| v as usize);
+        let sees_all = |v: &usize| (direct[*v][1] - whole).abs() < 0.005 * whole;
+        if !at.iter().all(|v| all[*v].specular != Vec3::ZERO && sees_all(v)) {
+            continue;
+        }
+        for weights in [[1.0 / 3.0; 3], [0.6, 0.3, 0.1], [0.1, 0.2, 0.7]] {
+            let mean = |of: &dyn Fn(usize) -> Vec3| -> Vec3 {
+                at.iter().zip(weights).map(|(v, w)| w * of(*v)).sum()
+            };
+            let point = Point { corners: *corners, weights, radius: 0.0 };
+            let (irradiance, radiance) = detail.seen_from(EYE.to_array(), &point);
+            let e = mean(&|v| direct[v].into()) + Vec3::from(irradiance);
+            assert!((e.y - whole).abs() < 0.01 * whole, "a lit point among lit corners: {e} of {whole}");
+            let d = (mean(&|v| mesh.position[v]) - EYE).normalize();
+            let (specular, exponent) = (all[at[0]].specular, all[at[0]].exponent);
+            let cosine = d.reflect(Vec3::Y).dot(axis).max(0.0);
+            expected.push(whole * (exponent + 2.0) / (2.0 * PI) * cosine.powf(exponent) * specular);
+            plain.push(mean(&|v| seen[v]));
+            found.push(mean(&|v| seen[v]) + Vec3::from(radiance));
+        }
+    }
+    let [off, plain] = [&found, &plain].map(|l| difference(l, &expected, None).expect("numbers").relative);
+    println!("{} points: {off:.4} by lobes, {plain:.4} interpolated", expected.len());
+    // The disc is taken for its axis, and seen whole within half a per cent.
+    assert!(expected.len() > 30 && off < 0.01 && plain > 4.0 * off, "{} {off} {plain}", expected.len());
 }
