@@ -34,7 +34,7 @@ use crate::sampling::{HemisphereSets, LANES, hash};
 use crate::{Error, Progress, Surface};
 
 /// Patches by default.
-pub const PATCHES: usize = 2048;
+pub const PATCHES: usize = 4096;
 
 /// Rays of each glossy vertex by which importance is found: all of them together are many.
 const PILOT_RAYS: usize = 64;

@@ -21,9 +21,9 @@ use lunette_relight::light::{Light, Sky, Source};
 use lunette_relight::portal_frame::PortalFrame;
 use lunette_relight::shell::{Material, Shell};
 use lunette_render::{
-    Backdrop, Camera, Gloss, Image, ReferenceOptions, Scale, Surface, Tracer, Visibility, auto_exposure,
-    capture, difference, error_picture, noise, read_image, reference_image, seen_discs, tone_map, trace,
-    write_exr, write_png,
+    Backdrop, Camera, Gloss, Image, ReferenceOptions, Scale, Surface, Through, Tracer, Visibility,
+    auto_exposure, capture, difference, error_picture, noise, read_image, reference_image, seen_discs,
+    tone_map, trace, write_exr, write_png,
 };
 use lunette_scenes::{Portal, Scene, builtin, take_portals};
 
@@ -258,7 +258,7 @@ impl Frame<'_> {
         let mut irradiance = vec![[0.0; 3]; self.asset.n_vertices()];
         let relit = least(ROUNDS, || frame.irradiance_parallel(&mut irradiance));
         let surface = surface(self.asset);
-        let mut radiance: Vec<Vec3> = irradiance
+        let radiance: Vec<Vec3> = irradiance
             .iter()
             .zip(surface.albedo)
             .map(|(e, rho)| Vec3::from(*e).max(Vec3::ZERO) * *rho / std::f32::consts::PI)
@@ -278,12 +278,13 @@ impl Frame<'_> {
             seen * 1e3,
             glossy.bytes_per_vertex()
         );
-        for (&v, s) in glossy.vertices().iter().zip(out) {
-            radiance[v as usize] += Vec3::from(s);
-        }
         let background = |d| self.light.radiance(d);
+        let through = Through { frame: &frame, glossy: Some(&glossy) };
         means(
-            &self.visibility.shade_through(Some(&frame), &surface, &radiance, background).expect("a picture"),
+            &self
+                .visibility
+                .shade_through(Some(through), &surface, &radiance, background)
+                .expect("a picture"),
         )
     }
 }

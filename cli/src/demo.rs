@@ -147,7 +147,7 @@ fn show(desk: &Desk) -> Result<Vec<Shown>> {
         let (frame, frames) = if let Shot::Drive { frame, .. } = shot { (*frame, DRIVE.2) } else { (0, 1) };
         let lit = engine.light(desk.asset, &light, &Moment::default(), (frame, frames))?;
         let total = relight::sum(&lit.direct, &lit.indirect);
-        let image = desk.shade(&total, Around { light: &light, portals: engine.portals() })?;
+        let image = desk.shade(&total, Around { light: &light, through: engine.through(&total) })?;
         if matches!((shot, exposure_of_glass), (Shot::Glass { .. }, Exposure::Auto)) {
             exposure_of_glass = Exposure::Stops(auto_exposure(&image));
         }

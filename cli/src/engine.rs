@@ -11,7 +11,7 @@ use lunette_relight::indirect::Indirect;
 use lunette_relight::light::Light;
 use lunette_relight::portal_frame::PortalFrame;
 use lunette_relight::shell::{Shell, parse_material};
-use lunette_render::{Backdrop, Exterior, Pose, Surface, Track, capture, seen_discs};
+use lunette_render::{Backdrop, Exterior, Pose, Surface, Through, Track, capture, seen_discs};
 
 use crate::args;
 use crate::moving::Moment;
@@ -91,11 +91,16 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// The glossy vertices and the light of the last frame, if there are any.
-    pub fn glossy(&mut self) -> Option<(&mut Glossy<'a>, &PortalFrame<'a>)> {
+    /// What pictures of the last frame are lit through, if there are portals, by the irradiance of all vertices.
+    pub fn through(&mut self, irradiance: &[[f32; 3]]) -> Option<Through<'_>> {
         match self {
             Engine::Sky(..) => None,
-            Engine::Interior(interior) => Some((interior.glossy.as_mut()?, &interior.frame)),
+            Engine::Interior(interior) => {
+                if let Some(glossy) = &mut interior.glossy {
+                    glossy.project(&interior.frame, irradiance);
+                }
+                Some(Through { frame: &interior.frame, glossy: interior.glossy.as_ref() })
+            }
         }
     }
 

@@ -1,7 +1,5 @@
 //! Glossy materials on the command line.
 
-use std::time::Instant;
-
 use anyhow::Result;
 use glam::Vec3;
 use lunette_relight::glossy::HIGHEST_EXPONENT;
@@ -45,22 +43,6 @@ impl Coat {
     }
 }
 
-/// Radiance that the glossy vertices add as seen from an eye, of all vertices, after an engine's last frame; empty where
-/// there are none. And what that took, for the line about the frame.
-pub fn specular(engine: &mut Engine, eye: Vec3, irradiance: &[[f32; 3]]) -> (Vec<Vec3>, String) {
-    let Some((glossy, frame)) = engine.glossy() else { return (Vec::new(), String::new()) };
-    let mut lobes = vec![[0.0; 3]; glossy.vertices().len()];
-    let started = Instant::now();
-    glossy.project(frame, irradiance);
-    glossy.radiance_parallel(eye.to_array(), &mut lobes);
-    let milliseconds = started.elapsed().as_secs_f64() * 1e3;
-    let mut all = vec![Vec3::ZERO; irradiance.len()];
-    for (&v, s) in glossy.vertices().iter().zip(&lobes) {
-        all[v as usize] = Vec3::from(*s).max(Vec3::ZERO);
-    }
-    (all, format!(", {} glossy ones seen in {milliseconds:.2} ms", lobes.len()))
-}
-
 /// The picture of an engine's last frame, glossy vertices as the camera sees them.
 pub fn shade(
     engine: &mut Engine,
@@ -69,8 +51,6 @@ pub fn shade(
     irradiance: &[[f32; 3]],
     light: &Light,
 ) -> Result<Image> {
-    let (specular, _) = specular(engine, visibility.eye(), irradiance);
-    let mut radiance = stage::radiance(surface, irradiance);
-    radiance.iter_mut().zip(specular).for_each(|(r, s)| *r += s);
-    stage::shade(visibility, surface, &radiance, Around { light, portals: engine.portals() })
+    let radiance = stage::radiance(surface, irradiance);
+    stage::shade(visibility, surface, &radiance, Around { light, through: engine.through(irradiance) })
 }

@@ -1,6 +1,7 @@
 //! `lunette relight`
 
 use std::path::Path;
+use std::time::Instant;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use glam::Vec3;
@@ -15,7 +16,7 @@ use crate::engine::{Engine, Evaluated};
 use crate::moving::{Lit, MOST_FRAMES, Moving, Studio};
 use crate::output;
 use crate::progress::say;
-use crate::{glossy, light, stage};
+use crate::{light, stage};
 
 /// `lunette relight`
 pub fn run(arguments: &args::Relight) -> Result<()> {
@@ -56,17 +57,13 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
         if let Some(studio) = &mut studio {
             let total = sum(&direct, &indirect);
             warn_of_ringing(&total);
-            let (specular, note) = glossy::specular(&mut engine, studio.eye(), &total);
-            seen = note;
-            let portals = engine.portals();
-            let lit = Lit {
-                light,
-                portals,
-                total: &total,
-                specular: &specular,
-                products: &products,
-                frame: (i, n),
-            };
+            let started = Instant::now();
+            let through = engine.through(&total);
+            if let Some(glossy) = through.and_then(|through| through.glossy) {
+                let milliseconds = started.elapsed().as_secs_f64() * 1e3;
+                seen = format!(", {} glossy ones in {milliseconds:.2} ms", glossy.vertices().len());
+            }
+            let lit = Lit { light, through, total: &total, products: &products, frame: (i, n) };
             let image = studio.shoot(&moment, &lit)?;
             if let Some(pattern) = &arguments.moving.products {
                 let picture = studio.products(&moment, &lit)?;
@@ -129,9 +126,8 @@ fn middle_exposure(
     let moment = moving.at(middle, n);
     let Evaluated { direct, indirect, products, .. } = engine.light(asset, light, &moment, (middle, n))?;
     let total = sum(&direct, &indirect);
-    let (specular, _) = glossy::specular(engine, studio.eye(), &total);
-    let (portals, frame) = (engine.portals(), (middle, n));
-    let lit = Lit { light, portals, total: &total, specular: &specular, products: &products, frame };
+    let through = engine.through(&total);
+    let lit = Lit { light, through, total: &total, products: &products, frame: (middle, n) };
     Ok(auto_exposure(&studio.shoot(&moment, &lit)?))
 }
 

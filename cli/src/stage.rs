@@ -4,8 +4,7 @@ use anyhow::{Context, Result, anyhow, ensure};
 use glam::Vec3;
 use lunette_relight::asset::Asset;
 use lunette_relight::light::Light;
-use lunette_relight::portal_frame::PortalFrame;
-use lunette_render::{Camera, Exposure, Image, Surface, Tracer, Visibility};
+use lunette_render::{Camera, Exposure, Image, Surface, Through, Tracer, Visibility};
 
 use crate::args::PictureOptions;
 
@@ -80,14 +79,14 @@ pub fn radiance(surface: &Surface, irradiance: &[[f32; 3]]) -> Vec<Vec3> {
 pub struct Around<'a> {
     /// Behind all surfaces.
     pub light: &'a Light,
-    /// Whose suns are sharper than the mesh of their asset.
-    pub portals: Option<&'a PortalFrame<'a>>,
+    /// Portals whose suns and lobes are sharper than the mesh of their asset.
+    pub through: Option<Through<'a>>,
 }
 
 /// The picture of vertices that send out this radiance; those of the asset come first.
 pub fn shade(visibility: &Visibility, surface: &Surface, radiance: &[Vec3], around: Around) -> Result<Image> {
     visibility
-        .shade_through(around.portals, surface, radiance, |d| around.light.radiance(d))
+        .shade_through(around.through, surface, radiance, |d| around.light.radiance(d))
         .map_err(|e| anyhow!("{e}"))
         .context("picture")
 }

@@ -51,7 +51,7 @@ use half::f16;
 
 use crate::asset::{Asset, Error};
 use crate::cubemap::n_texels;
-use crate::portal_frame::{PortalFrame, Scratch};
+use crate::portal_frame::{Detail, Point, PortalFrame, Scratch};
 use crate::sparse::{Rows, decode};
 
 mod lobe;
@@ -60,8 +60,7 @@ mod matrix;
 mod tests;
 
 pub use lobe::mean_reflectance;
-pub(crate) use lobe::phong;
-use lobe::{Entries, Lobe};
+use lobe::{Entries, Lobe, phong};
 pub(crate) use matrix::check;
 use matrix::{Matrix, Seen};
 
@@ -207,7 +206,7 @@ impl<'a> Glossy<'a> {
         for (g, out) in (first..first + out.len()).zip(out) {
             let v = self.matrix.vertex[g] as usize;
             let d = (Vec3::from(self.position[v]) - Vec3::from(eye)).normalize_or_zero();
-            *out = self.reflected(g, d.reflect(Vec3::from(self.normal[v]))).to_array();
+            *out = self.reflected(g, d.reflect(Vec3::from(self.normal[v])), &self.beams).to_array();
         }
     }
 
@@ -223,8 +222,37 @@ impl<'a> Glossy<'a> {
         out.par_chunks_mut(task).enumerate().for_each(|(i, out)| self.radiance(eye, i * task, out));
     }
 
-    /// The radiance that the lobe of glossy vertex number `g` about the unit mirror direction `r` brings.
-    fn reflected(&self, g: usize, r: Vec3) -> Vec3 {
+    /// The radiance that lobes send to `eye` (metres) at a point between vertices, of which those corners count that are
+    /// glossy: what each receives, mirrored as at the point, and beams as sharp as `detail`, of the projected frame, has them.
+    /// Sharper than [`radiance`](Self::radiance) interpolated where a surface curves, for more time.
+    ///
+    /// # Panics
+    /// When there are no such vertices.
+    pub fn radiance_at(&self, eye: [f32; 3], point: &Point, detail: &mut Detail) -> [f32; 3] {
+        let corners = point.corners.map(|v| self.matrix.vertex.binary_search(&v).ok());
+        let glossy = || corners.into_iter().zip(point.weights).filter_map(|(g, w)| Some((g?, w)));
+        if glossy().all(|(_, weight)| weight <= 0.0) {
+            return [0.0; 3];
+        }
+        let normal_of = |g: usize| Vec3::from(self.normal[self.matrix.vertex[g] as usize]);
+        let normal = glossy().map(|(g, w)| w * normal_of(g)).sum::<Vec3>().normalize_or_zero();
+        let d = (point.mean(self.position) - Vec3::from(eye)).normalize_or_zero();
+        let r = d.reflect(normal);
+        let mut sum: Vec3 = glossy().map(|(g, weight)| weight * self.reflected(g, r, &[])).sum();
+        detail.beams(point, |axis, irradiance| {
+            if irradiance != Vec3::ZERO {
+                for (g, weight) in glossy() {
+                    let [red, green, blue, exponent] = self.matrix.lobe[g];
+                    let worth = weight * phong(r.dot(axis), exponent);
+                    sum += worth * Vec3::new(red, green, blue) * irradiance;
+                }
+            }
+        });
+        sum.to_array()
+    }
+
+    /// The radiance that the lobe of glossy vertex number `g` about the unit mirror direction `r` brings, and of which beams.
+    fn reflected(&self, g: usize, r: Vec3, beams: &[Beam]) -> Vec3 {
         let [red, green, blue, exponent] = self.matrix.lobe[g];
         let lobe = Lobe::new(r, exponent);
         let mut sum = Vec4::ZERO;
@@ -234,7 +262,7 @@ impl<'a> Glossy<'a> {
             let entries = Entries { weight, direction: texel, side: direct.side, source: texel };
             sum += lobe.sum(&entries, &direct.light);
         }
-        for beam in &self.beams {
+        for beam in beams {
             sum += lobe.kernel(beam.axis) * beam.irradiance[g].extend(0.0);
         }
         if let (Some(bounced), Some(seen)) = (&self.bounced, &self.matrix.seen) {

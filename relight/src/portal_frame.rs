@@ -43,7 +43,6 @@ use crate::block;
 use crate::cubemap::{self, ShTable, add_disc, n_texels};
 use crate::dot;
 use crate::frame::Missing;
-use crate::glossy::{GlossyVertex, glossy_vertices};
 use crate::indirect::{Carrier, Indirect};
 use crate::light::Cap;
 use crate::sh::MAX_COEFFICIENTS;
@@ -51,7 +50,6 @@ use crate::shell::{Blur, Material, Shell, ShellError};
 use crate::sparse::{Rows, SparseLight, Together};
 
 mod beam;
-mod highlight;
 mod point;
 mod reveal;
 
@@ -79,8 +77,6 @@ pub struct PortalFrame<'a> {
     n_vertices: usize,
     receivers: Receivers<'a>,
     falling: Falling,
-    /// By vertex, rising.
-    gloss: Vec<GlossyVertex>,
 }
 
 /// Light of the moment on the glossy vertices.
@@ -156,7 +152,6 @@ impl<'a> PortalFrame<'a> {
             n_vertices: asset.n_vertices(),
             receivers: Receivers::new(asset),
             falling: Falling::default(),
-            gloss: glossy_vertices(asset)?,
         };
         let order = block::order(asset.positions(), asset.normals());
         while let Some(rows) = Rows::open(asset, &format!("portal.{}.direct", frame.portals.len()))? {

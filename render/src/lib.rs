@@ -47,4 +47,4 @@ pub use reference::{
 };
 pub use showing::{Shown, show_portals};
 pub use tracer::{Gloss, Surface, Tracer};
-pub use visibility::{Visibility, trace, vertex_radiance};
+pub use visibility::{Through, Visibility, trace, vertex_radiance};

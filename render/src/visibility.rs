@@ -14,6 +14,7 @@ use crate::reference::hash;
 use crate::tracer::{Surface, Tracer, lambert};
 use glam::{Vec2, Vec3};
 use lunette_ffi::{Hits, Mask, NO_HIT, Packet, Ray};
+use lunette_relight::glossy::Glossy;
 use lunette_relight::portal_frame::{Detail, Point, PortalFrame};
 use rayon::prelude::*;
 
@@ -80,6 +81,15 @@ pub fn vertex_radiance(irradiance: &[Vec3], albedo: &[Vec3]) -> Vec<Vec3> {
     irradiance.iter().zip(albedo).map(|(e, albedo)| lambert(*albedo, *e)).collect()
 }
 
+/// What a picture is lit through.
+#[derive(Clone, Copy)]
+pub struct Through<'a> {
+    /// As its portals are lit.
+    pub frame: &'a PortalFrame<'a>,
+    /// After [`Glossy::project`] of that frame, where there is something glossy.
+    pub glossy: Option<&'a Glossy<'a>>,
+}
+
 impl Visibility {
     /// The picture for one radiance per vertex \[V\], over a background of `background(direction)`.
     ///
@@ -94,14 +104,14 @@ impl Visibility {
         self.shade_through(None, surface, radiance, background)
     }
 
-    /// As [`shade`](Self::shade), with suns through these portals, and their highlights, as sharp as [`Detail`] has them on
-    /// the triangles of their asset, whose vertices come first, and whose glossy ones have their lobes in `radiance`.
+    /// As [`shade`](Self::shade), through these portals: suns are as sharp as [`Detail`] has them on the triangles of their
+    /// asset, whose vertices come first; and lobes of glossy vertices, which `radiance` then lacks, are those of each point.
     ///
     /// # Errors
     /// As [`shade`](Self::shade).
     pub fn shade_through(
         &self,
-        portals: Option<&PortalFrame>,
+        through: Option<Through>,
         surface: &Surface,
         radiance: &[Vec3],
         background: impl Fn(Vec3) -> Vec3 + Sync,
@@ -112,7 +122,7 @@ impl Visibility {
                 what: format!("picture: {found} radiances for {expected} vertices"),
             });
         }
-        let more = portals.map_or_else(Vec::new, |portals| self.more(portals, surface));
+        let more = through.map_or_else(Vec::new, |through| self.more(through, surface));
         let shade = |(i, share): (usize, &Share)| match share.triangle {
             BACKGROUND => share.weight * background(self.direction(share)),
             triangle => {
@@ -147,11 +157,11 @@ impl Visibility {
         shares.map(|s| s.iter().filter(|s| s.triangle != BACKGROUND).map(|s| s.weight).sum()).collect()
     }
 
-    /// Irradiance, and radiance of highlights, that shares have beyond what is interpolated, asked for triangle after triangle.
-    fn more(&self, portals: &PortalFrame, surface: &Surface) -> Vec<(Vec3, Vec3)> {
+    /// Irradiance, and radiance of lobes, that shares have beyond what is interpolated, asked for triangle after triangle.
+    fn more(&self, Through { frame, glossy }: Through, surface: &Surface) -> Vec<(Vec3, Vec3)> {
         let is_of_asset = |share: &Share| {
             let corners = surface.index.get(share.triangle as usize);
-            corners.is_some_and(|c| c.iter().all(|v| (*v as usize) < portals.n_vertices()))
+            corners.is_some_and(|c| c.iter().all(|v| (*v as usize) < frame.n_vertices()))
         };
         let mut order: Vec<u32> =
             (0..self.shares.len() as u32).filter(|&i| is_of_asset(&self.shares[i as usize])).collect();
@@ -161,8 +171,12 @@ impl Visibility {
             .par_iter()
             .with_min_len(LEAST_SHARES)
             .map_init(
-                || Detail::new(portals),
-                |detail, &i| detail.seen_from(eye, &self.point(surface, &self.shares[i as usize])),
+                || Detail::new(frame),
+                |detail, &i| {
+                    let point = self.point(surface, &self.shares[i as usize]);
+                    let radiance = glossy.map_or([0.0; 3], |g| g.radiance_at(eye, &point, detail));
+                    (detail.at(&point), radiance)
+                },
             )
             .collect();
         let mut all = vec![Default::default(); self.shares.len()];

@@ -386,15 +386,14 @@ fn highlights_of_suns_are_the_lobe_itself_between_vertices() {
                 at.iter().zip(weights).map(|(v, w)| w * of(*v)).sum()
             };
             let point = Point { corners: *corners, weights, radius: 0.0 };
-            let (irradiance, radiance) = detail.seen_from(EYE.to_array(), &point);
-            let e = mean(&|v| direct[v].into()) + Vec3::from(irradiance);
+            let e = mean(&|v| direct[v].into()) + Vec3::from(detail.at(&point));
             assert!((e.y - whole).abs() < 0.01 * whole, "a lit point among lit corners: {e} of {whole}");
             let d = (mean(&|v| mesh.position[v]) - EYE).normalize();
             let (specular, exponent) = (all[at[0]].specular, all[at[0]].exponent);
             let cosine = d.reflect(Vec3::Y).dot(axis).max(0.0);
             expected.push(whole * (exponent + 2.0) / (2.0 * PI) * cosine.powf(exponent) * specular);
             plain.push(mean(&|v| seen[v]));
-            found.push(mean(&|v| seen[v]) + Vec3::from(radiance));
+            found.push(Vec3::from(glossy.radiance_at(EYE.to_array(), &point, &mut detail)));
         }
     }
     let [off, plain] = [&found, &plain].map(|l| difference(l, &expected, None).expect("numbers").relative);

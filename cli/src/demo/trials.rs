@@ -4,8 +4,7 @@ use anyhow::{Result, anyhow};
 use lunette_bake::{Options, PortalOptions};
 use lunette_relight::asset::Asset;
 use lunette_relight::light::Light;
-use lunette_relight::portal_frame::PortalFrame;
-use lunette_render::{Exposure, ReferenceOptions, Tracer, auto_exposure};
+use lunette_render::{Exposure, ReferenceOptions, Through, Tracer, auto_exposure};
 
 use super::chapters::{Kind, Trial};
 use super::{Desk, Shown, Tried};
@@ -102,7 +101,7 @@ impl Session {
     ) -> Result<()> {
         let (row, total) = judge::measure(asset, (name, engine), bake_seconds, &self.light, &self.judge)?;
         if self.tried.trial.pictures.is_some() && SHOWN.contains(&name) {
-            self.picture(desk, name, &total, engine.portals())?;
+            self.picture(desk, name, &total, engine.through(&total))?;
         }
         self.tried.rows.push(row);
         Ok(())
@@ -114,9 +113,9 @@ impl Session {
         desk: &Desk,
         name: &str,
         irradiance: &[[f32; 3]],
-        portals: Option<&PortalFrame>,
+        through: Option<Through>,
     ) -> Result<()> {
-        let image = desk.shade(irradiance, Around { light: &self.light, portals })?;
+        let image = desk.shade(irradiance, Around { light: &self.light, through })?;
         if self.exposure == Exposure::Auto {
             self.exposure = Exposure::Stops(auto_exposure(&image));
         }

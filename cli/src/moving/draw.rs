@@ -9,8 +9,7 @@ use lunette_relight::asset::Asset;
 use lunette_relight::bent::{BentLight, open_irradiance};
 use lunette_relight::light::{Light, split};
 use lunette_relight::lobe::{Blockers, Motion};
-use lunette_relight::portal_frame::PortalFrame;
-use lunette_render::{Camera, Image, Picture, Props, Surface, Tracer, Visibility, count_picture};
+use lunette_render::{Camera, Image, Picture, Props, Surface, Through, Tracer, Visibility, count_picture};
 
 use super::{Body, Moment, Moving};
 use crate::args::PictureOptions;
@@ -30,12 +29,10 @@ pub struct Studio<'a> {
 pub struct Lit<'a> {
     /// Of the sky, or outside of the portals.
     pub light: &'a Light,
-    /// That it shines through.
-    pub portals: Option<&'a PortalFrame<'a>>,
+    /// What it shines through.
+    pub through: Option<Through<'a>>,
     /// Irradiance of each vertex of the baked scene.
     pub total: &'a [[f32; 3]],
-    /// Radiance that glossy vertices of the baked scene add for the camera; empty for none.
-    pub specular: &'a [Vec3],
     /// Products of lobes of each vertex.
     pub products: &'a [u32],
     /// Frame `i` of `n`.
@@ -44,14 +41,7 @@ pub struct Lit<'a> {
 
 impl Lit<'_> {
     fn around(&self) -> Around<'_> {
-        Around { light: self.light, portals: self.portals }
-    }
-
-    /// Of all vertices, with the gloss of those of the baked scene, which come first.
-    fn radiance(&self, surface: &Surface, irradiance: &[[f32; 3]]) -> Vec<Vec3> {
-        let mut radiance = stage::radiance(surface, irradiance);
-        radiance.iter_mut().zip(self.specular).for_each(|(r, s)| *r += *s);
-        radiance
+        Around { light: self.light, through: self.through }
     }
 }
 
@@ -72,13 +62,13 @@ impl<'a> Studio<'a> {
     pub fn shoot(&mut self, moment: &Moment, lit: &Lit) -> Result<Image> {
         let surface = stage::surface(self.asset);
         if self.moving.is_empty() {
-            let radiance = lit.radiance(&surface, lit.total);
+            let radiance = stage::radiance(&surface, lit.total);
             return stage::shade(self.look(&surface, 0)?, &surface, &radiance, lit.around());
         }
         let mut irradiance = lit.total.to_vec();
         let props = self.props(moment, lit, &mut irradiance);
         let frame = if self.moving.moves() { lit.frame.0 } else { 0 };
-        let radiance = lit.radiance(&props.surface(), &irradiance);
+        let radiance = stage::radiance(&props.surface(), &irradiance);
         stage::shade(self.look(&props.surface(), frame)?, &props.surface(), &radiance, lit.around())
     }
 

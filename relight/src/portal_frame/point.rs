@@ -19,7 +19,6 @@
 use glam::{Vec2, Vec3};
 
 use super::beam::{Beam, Cut, Growth, Panes, Receivers, Scratch, line};
-use super::highlight::Highlight;
 use super::{Lit, PortalFrame, Shaft};
 use crate::cubemap::footprint::{Eye, Footprint};
 use crate::cubemap::{self, face_axes, flat, n_texels, on_face};
@@ -110,7 +109,7 @@ const WHOLE: f32 = 0.999;
 
 impl Point {
     /// Mean of what the corners have.
-    fn mean(&self, of: &[[f32; 3]]) -> Vec3 {
+    pub(crate) fn mean(&self, of: &[[f32; 3]]) -> Vec3 {
         self.corners.iter().zip(self.weights).map(|(v, weight)| weight * Vec3::from(of[*v as usize])).sum()
     }
 }
@@ -136,39 +135,42 @@ impl<'f, 'a> Detail<'f, 'a> {
     /// # Panics
     /// When there are no such vertices.
     pub fn at(&mut self, point: &Point) -> [f32; 3] {
-        self.more(point, None).0.to_array()
+        let mut more = Vec3::ZERO;
+        self.each(point, |shaft, known, found| {
+            if let Some(found) = found {
+                let corners = known.arrivals.iter().zip(point.weights);
+                let plain: f32 = corners.map(|((seen, _), weight)| weight * seen).sum();
+                more += (found - plain) * shaft.radiance;
+            }
+        });
+        more.to_array()
     }
 
-    /// As [`at`](Self::at); and what is to be added to the radiance that an eye at this place, metres, sees of glossy
-    /// corners, interpolated as well.
-    ///
-    /// # Panics
-    /// As [`at`](Self::at).
-    pub fn seen_from(&mut self, eye: [f32; 3], point: &Point) -> ([f32; 3], [f32; 3]) {
-        let highlight = Highlight::new(self.frame, point, eye.into());
-        let (irradiance, radiance) = self.more(point, highlight.as_ref());
-        (irradiance.to_array(), radiance.to_array())
+    /// Calls `met` with the direction to each beam and its irradiance of a point.
+    pub(crate) fn beams(&mut self, point: &Point, mut met: impl FnMut(Vec3, Vec3)) {
+        self.each(point, |shaft, _, found| {
+            let plain = || {
+                let corner = |(v, weight): (&u32, f32)| {
+                    weight * shaft.irradiance(*v as usize, &mut Scratch::default())
+                };
+                point.corners.iter().zip(point.weights).map(corner).sum()
+            };
+            met(shaft.axis(), found.map_or_else(plain, |found| found * shaft.radiance));
+        });
     }
 
-    fn more(&mut self, point: &Point, highlight: Option<&Highlight>) -> (Vec3, Vec3) {
+    /// Of each beam what it sends to a point at radiance 1, as [`Known::transfer`] has it.
+    fn each(&mut self, point: &Point, mut met: impl FnMut(&Shaft, &Known, Option<f32>)) {
         let frame = self.frame;
         let lit = frame.portals.iter().filter(|p| p.lit == Lit::Bright);
         let shafts = lit.flat_map(|portal| portal.shafts(&frame.receivers));
-        let (mut irradiance, mut radiance) = (Vec3::ZERO, Vec3::ZERO);
         for (i, shaft) in shafts.enumerate() {
             if self.known.len() == i {
                 self.known.push(Known::default());
             }
-            let known = &mut self.known[i];
-            let Some(found) = known.transfer(&shaft, point, &mut self.scratch) else { continue };
-            let corners = known.arrivals.map(|(seen, _)| seen);
-            let plain: f32 = corners.iter().zip(point.weights).map(|(seen, weight)| weight * seen).sum();
-            irradiance += (found - plain) * shaft.radiance;
-            if let Some(highlight) = highlight {
-                radiance += highlight.more(shaft.axis(), found, corners) * shaft.radiance;
-            }
+            let found = self.known[i].transfer(&shaft, point, &mut self.scratch);
+            met(&shaft, &self.known[i], found);
         }
-        (irradiance, radiance)
     }
 }
 
