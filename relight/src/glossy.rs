@@ -37,8 +37,8 @@
 //! What glossy vertices send on to others: see [`indirect`](crate::indirect).
 //!
 //! Where it breaks: a patch shines evenly, also where its edge is in the sun; lobes see other glossy surfaces as diffuse ones
-//! of the same mean reflectance ([`mean_reflectance`]); and radiance between vertices is interpolated, so that a mesh must
-//! be fine where it curves.
+//! of the same mean reflectance ([`mean_reflectance`]); and a frame's radiance is that of vertices, so that a mesh must be fine
+//! where it curves, or each point be asked for ([`Glossy::radiance_at`]), as pictures do.
 //!
 //! Based on: Yue, Iwasaki, Chen, Dobashi and Nishita, Interactive Rendering of Interior Scenes with Dynamic
 //! Environment Illumination, 2009, section 4.1 (rows per outgoing direction); Lafortune and Willems, Using the Modified

@@ -1,8 +1,8 @@
 //! The rows of an asset in blocks of neighbours ([`block`](crate::block)), for a frame.
 //!
 //! A row of its own is some twenty short runs, each a vector of which a part is used; sixteen neighbours, which see the
-//! same window, have nearly the same entries. A group of vertices stays in rows where that would cost less: where runs
-//! are long, as those of a whole sky are, or neighbours share little. The file knows nothing of blocks.
+//! same window, have nearly the same entries, and read them two by two ([`pairs`]). A group of vertices stays in rows where
+//! that would cost less, since neighbours share little. The file knows nothing of blocks.
 
 use super::decode::for_each_entry;
 use super::fixed::WHOLE;
