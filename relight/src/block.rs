@@ -5,8 +5,7 @@
 //! product per entry and colour whatever entries there are. Where rows have an entry that others lack, those hold a 0.
 //!
 //! A byte is a small float ([`value`]), four bits of exponent and four of fraction, which is the top of any larger float: no
-//! conversion takes time. Where a processor multiplies pairs of 16-bit floats, the light is rounded to those, 1 part in 512
-//! at most, each entry for itself.
+//! conversion takes time.
 //!
 //! It is worth it where neighbours see the same: vertices go into blocks by where they lie and face ([`order`]), within
 //! groups of [`GROUP`] consecutive ones, so that a frame may still be computed part by part. Where it breaks: of a mesh
@@ -41,7 +40,7 @@ const BIAS: u32 = 112;
 pub(crate) type Sums = [[f32; LANES]; 3];
 
 /// What a byte stands for: 0, or with the exponent e = 1..=15 in its upper half and m in its lower, 2^(e - 15) (1 + m / 16),
-/// up to [`LARGEST`]. What has no exponent but a fraction, m 2^-18, is never written, and may count as 0.
+/// up to [`LARGEST`]. What has no exponent but a fraction, m 2^-18, is never written.
 pub fn value(byte: u8) -> f32 {
     f32::from_bits(u32::from(byte) << SHIFT) * f32::from_bits((127 + BIAS) << 23)
 }
@@ -68,42 +67,13 @@ pub(crate) struct Blocks<'a> {
     pub scale: &'a [[f32; LANES]],
 }
 
-/// A light.
-#[derive(Clone, Debug)]
-pub(crate) struct Light {
-    /// Colours of each entry, and a zero.
-    pub entries: Vec<Vec4>,
-    /// The same in floats of 16 bits, of which each is `unit`, where those are of use.
-    half: Vec<[u16; 4]>,
-    unit: f32,
-}
-
-impl Light {
-    /// Darkness.
-    pub fn new(n: usize) -> Light {
-        Light { entries: vec![Vec4::ZERO; n], half: vec![[0; 4]; n], unit: 1.0 }
-    }
-
-    /// To be called when entries have changed.
-    pub fn finish(&mut self) {
-        #[cfg(target_arch = "x86_64")]
-        if x86::has_half() {
-            let largest = self.entries.iter().fold(Vec4::ZERO, |a, e| a.max(e.abs())).max_element();
-            // A power of two, by which nothing is rounded; shares are that much too small in those floats.
-            let unit = f32::from_bits(largest.max(f32::MIN_POSITIVE).to_bits() & 0x7f80_0000);
-            x86::halve(&self.entries, 1.0 / unit, &mut self.half);
-            self.unit = unit;
-        }
-    }
-}
-
 impl Blocks<'_> {
     /// The sums of block `b` by colour and row, but for the rows' scale.
     ///
     /// # Panics
     /// When there is no such block, or an entry is not in the light.
     #[inline]
-    pub fn sums(&self, b: usize, light: &Light, sums: &mut Sums) {
+    pub fn sums(&self, b: usize, light: &[Vec4], sums: &mut Sums) {
         let range = self.start[b] as usize..self.start[b + 1] as usize;
         let (entries, shares) = (&self.entry[range.clone()], &self.share[range]);
         sums.as_flattened_mut().fill(0.0);
@@ -146,10 +116,10 @@ pub(crate) fn add_to(
 }
 
 /// The sums as they are defined, for any processor.
-fn add_portable(entries: &[u16], shares: &[[u8; LANES]], light: &Light, sums: &mut Sums) {
+fn add_portable(entries: &[u16], shares: &[[u8; LANES]], light: &[Vec4], sums: &mut Sums) {
     for (entry, bytes) in entries.iter().zip(shares) {
         let values = bytes.map(value);
-        let light = light.entries[usize::from(*entry)].truncate().to_array();
+        let light = light[usize::from(*entry)].truncate().to_array();
         for (sums, l) in sums.iter_mut().zip(light) {
             sums.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value * l);
         }
@@ -218,12 +188,8 @@ mod tests {
     #[test]
     fn every_instruction_set_agrees_with_the_portable_sum() {
         for strength in [1.0, 3e-9, 7e8] {
-            let mut light = Light::new(300);
-            for (i, entry) in light.entries.iter_mut().enumerate() {
-                let colour = Vec4::new((i as f32 * 0.3).sin(), 1.0 + i as f32, -(i as f32), 0.0);
-                *entry = strength * colour;
-            }
-            light.finish();
+            let colour = |i: usize| Vec4::new((i as f32 * 0.3).sin(), 1.0 + i as f32, -(i as f32), 9.0);
+            let light: Vec<Vec4> = (0..300).map(|i| strength * colour(i)).collect();
             for n in [0usize, 1, 2, 3, 8, 77, 1000] {
                 let entries: Vec<u16> = (0..n).map(|i| (i * 37 % 300) as u16).collect();
                 let share = |i: usize, lane: usize| match (i * 59 + lane * 31) as u8 {
@@ -236,14 +202,13 @@ mod tests {
                 add_portable(&entries, &shares, &light, &mut plain);
                 assert!(n < 8 || plain.as_flattened().iter().any(|x| x.abs() > 5.0 * strength));
                 #[cfg(target_arch = "x86_64")]
-                for (is_half, add) in x86::every_kind() {
+                for add in x86::every_kind() {
                     let mut found = [[2.0 * strength; LANES]; 3];
                     add(&entries, &shares, &light, &mut found);
-                    // Sums of n products, each rounded once or twice; or of a light of 8 bits, by half of the last.
+                    // Sums of n products, each rounded once or twice.
                     let largest = LARGEST * 300.0 * strength * n.max(1) as f32;
-                    let off = if is_half { 1.0 / 512.0 } else { 1e-6 };
                     for (a, b) in found.as_flattened().iter().zip(plain.as_flattened()) {
-                        assert!((a - b).abs() <= off * largest, "{a} {b}, {n} entries, half: {is_half}");
+                        assert!((a - b).abs() <= 1e-6 * largest, "{a} {b}, {n} entries");
                     }
                 }
             }

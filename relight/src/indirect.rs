@@ -122,7 +122,7 @@ pub struct Carrier<'a> {
     albedo: Vec<Vec3>,
     reflected: Vec<Vec3>,
     /// Of each node: all that leaves it.
-    leaving: block::Light,
+    leaving: Vec<Vec4>,
     /// Of each leaf, in the next step.
     next: Vec<Vec3>,
     steps: usize,
@@ -143,9 +143,7 @@ impl<'a> Carrier<'a> {
         let leaves = leaves(children);
         let n_leaves = leaves.len();
         let mut weighted = vertex_area(asset);
-        let mut ones = block::Light::new(children.len());
-        ones.entries.fill(Vec4::ONE);
-        ones.finish();
+        let ones = vec![Vec4::ONE; children.len()];
         let mut seen = [[0.0; LANES]; 3];
         for (b, vertices) in blocks_of_vertices(rows) {
             blocks.sums(b, &ones, &mut seen);
@@ -169,7 +167,7 @@ impl<'a> Carrier<'a> {
             blocks,
             albedo,
             reflected: vec![Vec3::ZERO; children.len()],
-            leaving: block::Light::new(children.len()),
+            leaving: vec![Vec4::ZERO; children.len()],
             next: vec![Vec3::ZERO; n_leaves],
             steps: bounces(asset).saturating_sub(1).min(STEPS),
             shine,
@@ -246,7 +244,7 @@ impl<'a> Carrier<'a> {
                 self.add_shine_to_patches();
             }
         }
-        for (b, r) in self.leaving.entries.iter_mut().zip(&self.reflected) {
+        for (b, r) in self.leaving.iter_mut().zip(&self.reflected) {
             *b = r.extend(0.0);
         }
         self.average();
@@ -290,7 +288,7 @@ impl<'a> Carrier<'a> {
     fn step(&mut self, next: Vec<Vec3>) -> bool {
         let (mut change, mut all) = (Vec3::ZERO, Vec3::ZERO);
         for (leaf, next) in self.leaves.iter().zip(&next) {
-            let leaving = &mut self.leaving.entries[usize::from(*leaf)];
+            let leaving = &mut self.leaving[usize::from(*leaf)];
             change += (*next - leaving.truncate()).abs();
             all += *next;
             *leaving = next.extend(0.0);
@@ -302,14 +300,13 @@ impl<'a> Carrier<'a> {
 
     /// Gives nodes with children their mean.
     fn average(&mut self) {
-        let leaving = &mut self.leaving.entries;
+        let leaving = &mut self.leaving;
         for node in (0..self.children.len()).rev() {
             let [l, r] = self.children[node].map(usize::from);
             if l > 0 {
                 leaving[node] = self.part[l] * leaving[l] + self.part[r] * leaving[r];
             }
         }
-        self.leaving.finish();
     }
 
     /// Adds bounced irradiance to the vertices from `first` on: best by multiples of [`block::GROUP`].

@@ -116,9 +116,8 @@ fn carrier_is_its_sums() {
         let size = expected.iter().flatten().fold(0.0f64, |a, x| a.max(x.abs()));
         for (a, b) in out.iter().zip(&expected) {
             for c in 0..3 {
-                // The iteration ends when a step changes 3e-4 of all, of which albedo and rows keep a half; and the light of
-                // each of five nodes may be rounded by 1 part in 512.
-                assert!((f64::from(a[c]) - 1.0 - b[c]).abs() < 6e-3 * size, "{a:?} {b:?}, k = {k}");
+                // The iteration ends when a step changes 3e-4 of all, of which albedo and rows keep a half.
+                assert!((f64::from(a[c]) - 1.0 - b[c]).abs() < 2e-3 * size, "{a:?} {b:?}, k = {k}");
             }
         }
         let mut part = vec![[1.0; 3]; v - 5];
