@@ -45,10 +45,13 @@ fn add_narrow(entries: &[u16], shares: &[[u8; LANES]], light: &[Vec4], sums: &mu
     unsafe { add_avx2(entries, shares, light, sums) }
 }
 
+#[cfg(test)]
+type Add = fn(&[u16], &[[u8; LANES]], &[Vec4], &mut Sums);
+
 /// The ways that this processor has.
 #[cfg(test)]
-pub fn every_kind() -> Vec<fn(&[u16], &[[u8; LANES]], &[Vec4], &mut Sums)> {
-    let mut kinds: Vec<fn(&[u16], &[[u8; LANES]], &[Vec4], &mut Sums)> = Vec::new();
+pub fn every_kind() -> Vec<Add> {
+    let mut kinds: Vec<Add> = Vec::new();
     if has_wide() {
         kinds.push(add_wide);
     }
