@@ -36,6 +36,10 @@ pub const LARGEST: f32 = 1.9375;
 const SHIFT: u32 = 19;
 const BIAS: u32 = 112;
 
+/// Bytes of blocks that are asked for before their turn: what a processor foresees by itself ends with each block.
+#[cfg(target_arch = "x86_64")]
+pub(crate) const AHEAD: usize = 3072;
+
 /// By colour and row.
 pub(crate) type Sums = [[f32; LANES]; 3];
 
@@ -98,7 +102,7 @@ pub(crate) fn range(first: usize, count: usize, n_blocks: usize) -> std::ops::Ra
 /// Adds the sums of a block times the scale of each row, those being counted from vertex `group`, to vertices from `first` on.
 #[inline]
 pub(crate) fn add_to(
-    sums: &[[f32; LANES]; 3],
+    sums: &Sums,
     scale: &[f32; LANES],
     rows: &[u16; LANES],
     (group, first): (usize, usize),
@@ -198,13 +202,18 @@ mod tests {
                 };
                 let shares: Vec<[u8; LANES]> =
                     (0..n).map(|i| std::array::from_fn(|lane| share(i, lane))).collect();
-                let mut plain = [[2.0 * strength; LANES]; 3];
+                let before = [[2.0 * strength; LANES]; 3];
+                let mut plain = before;
                 add_portable(&entries, &shares, &light, &mut plain);
                 assert!(n < 8 || plain.as_flattened().iter().any(|x| x.abs() > 5.0 * strength));
                 #[cfg(target_arch = "x86_64")]
-                for add in x86::every_kind() {
-                    let mut found = [[2.0 * strength; LANES]; 3];
-                    add(&entries, &shares, &light, &mut found);
+                let found = x86::add_by_every_kind(&entries, &shares, &light, before);
+                #[cfg(not(target_arch = "x86_64"))]
+                let found: Vec<Sums> = Vec::new();
+                if found.is_empty() {
+                    println!("skipped: this processor has no AVX2");
+                }
+                for found in found {
                     // Sums of n products, each rounded once or twice.
                     let largest = LARGEST * 300.0 * strength * n.max(1) as f32;
                     for (a, b) in found.as_flattened().iter().zip(plain.as_flattened()) {
@@ -212,10 +221,6 @@ mod tests {
                     }
                 }
             }
-        }
-        #[cfg(target_arch = "x86_64")]
-        if x86::every_kind().is_empty() {
-            println!("skipped: this processor has no AVX2");
         }
     }
 

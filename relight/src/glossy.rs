@@ -60,7 +60,7 @@ mod matrix;
 mod tests;
 
 pub use lobe::mean_reflectance;
-use lobe::{Entries, Lobe, phong};
+use lobe::{Entries, Lobe};
 pub(crate) use matrix::check;
 use matrix::{Matrix, Seen};
 
@@ -206,7 +206,8 @@ impl<'a> Glossy<'a> {
         for (g, out) in (first..first + out.len()).zip(out) {
             let v = self.matrix.vertex[g] as usize;
             let d = (Vec3::from(self.position[v]) - Vec3::from(eye)).normalize_or_zero();
-            *out = self.reflected(g, d.reflect(Vec3::from(self.normal[v])), &self.beams).to_array();
+            let beams = self.beams.iter().map(|beam| (beam.axis, beam.irradiance[g]));
+            *out = self.reflected(g, d.reflect(Vec3::from(self.normal[v])), beams).to_array();
         }
     }
 
@@ -238,21 +239,14 @@ impl<'a> Glossy<'a> {
         let normal = glossy().map(|(g, w)| w * normal_of(g)).sum::<Vec3>().normalize_or_zero();
         let d = (point.mean(self.position) - Vec3::from(eye)).normalize_or_zero();
         let r = d.reflect(normal);
-        let mut sum: Vec3 = glossy().map(|(g, weight)| weight * self.reflected(g, r, &[])).sum();
-        detail.beams(point, |axis, irradiance| {
-            if irradiance != Vec3::ZERO {
-                for (g, weight) in glossy() {
-                    let [red, green, blue, exponent] = self.matrix.lobe[g];
-                    let worth = weight * phong(r.dot(axis), exponent);
-                    sum += worth * Vec3::new(red, green, blue) * irradiance;
-                }
-            }
-        });
-        sum.to_array()
+        let beams = detail.beams(point);
+        let seen = |(g, weight)| weight * self.reflected(g, r, beams.iter().copied());
+        glossy().map(seen).sum::<Vec3>().to_array()
     }
 
-    /// The radiance that the lobe of glossy vertex number `g` about the unit mirror direction `r` brings, and of which beams.
-    fn reflected(&self, g: usize, r: Vec3, beams: &[Beam]) -> Vec3 {
+    /// The radiance that the lobe of glossy vertex number `g` about the unit mirror direction `r` brings, from beams in these
+    /// directions, of which that is the irradiance, and all else.
+    fn reflected(&self, g: usize, r: Vec3, beams: impl Iterator<Item = (Vec3, Vec3)>) -> Vec3 {
         let [red, green, blue, exponent] = self.matrix.lobe[g];
         let lobe = Lobe::new(r, exponent);
         let mut sum = Vec4::ZERO;
@@ -262,8 +256,8 @@ impl<'a> Glossy<'a> {
             let entries = Entries { weight, direction: texel, side: direct.side, source: texel };
             sum += lobe.sum(&entries, &direct.light);
         }
-        for beam in beams {
-            sum += lobe.kernel(beam.axis) * beam.irradiance[g].extend(0.0);
+        for (axis, irradiance) in beams {
+            sum += lobe.kernel(axis) * irradiance.extend(0.0);
         }
         if let (Some(bounced), Some(seen)) = (&self.bounced, &self.matrix.seen) {
             let row = seen.start[g] as usize..seen.start[g + 1] as usize;

@@ -7,58 +7,35 @@ use std::arch::x86_64::*;
 
 use glam::Vec4;
 
-use super::{BIAS, LANES, SHIFT, Sums};
-
-/// Bytes of shares that are asked for before their turn: what a processor foresees by itself ends with each block.
-const AHEAD: usize = 3072;
+use super::{AHEAD, BIAS, LANES, SHIFT, Sums};
 
 /// `false`, and nothing done, where the processor lacks what it takes.
 #[inline]
 pub fn add(entries: &[u16], shares: &[[u8; LANES]], light: &[Vec4], sums: &mut Sums) -> bool {
-    if has_wide() {
-        add_wide(entries, shares, light, sums);
-    } else if has_narrow() {
-        add_narrow(entries, shares, light, sums);
-    } else {
+    if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has the features that the function is compiled for.
+        unsafe { add_avx512(entries, shares, light, sums) };
+        return true;
+    }
+    add_narrow(entries, shares, light, sums)
+}
+
+fn add_narrow(entries: &[u16], shares: &[[u8; LANES]], light: &[Vec4], sums: &mut Sums) -> bool {
+    if !(is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")) {
         return false;
     }
+    // SAFETY: the processor has the features that the function is compiled for.
+    unsafe { add_avx2(entries, shares, light, sums) };
     true
 }
 
-fn has_wide() -> bool {
-    is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx2")
-}
-
-fn has_narrow() -> bool {
-    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
-}
-
-fn add_wide(entries: &[u16], shares: &[[u8; LANES]], light: &[Vec4], sums: &mut Sums) {
-    assert!(has_wide(), "this processor has no AVX-512");
-    // SAFETY: the processor has the features that the function is compiled for.
-    unsafe { add_avx512(entries, shares, light, sums) }
-}
-
-fn add_narrow(entries: &[u16], shares: &[[u8; LANES]], light: &[Vec4], sums: &mut Sums) {
-    assert!(has_narrow(), "this processor has no AVX2");
-    // SAFETY: the processor has the features that the function is compiled for.
-    unsafe { add_avx2(entries, shares, light, sums) }
-}
-
+/// By each of the ways that this processor has.
 #[cfg(test)]
-type Add = fn(&[u16], &[[u8; LANES]], &[Vec4], &mut Sums);
-
-/// The ways that this processor has.
-#[cfg(test)]
-pub fn every_kind() -> Vec<Add> {
-    let mut kinds: Vec<Add> = Vec::new();
-    if has_wide() {
-        kinds.push(add_wide);
-    }
-    if has_narrow() {
-        kinds.push(add_narrow);
-    }
-    kinds
+pub fn add_by_every_kind(entries: &[u16], shares: &[[u8; LANES]], light: &[Vec4], sums: Sums) -> Vec<Sums> {
+    let mut all = [sums; 2];
+    let [widest, narrow] = &mut all;
+    let is_there = [add(entries, shares, light, widest), add_narrow(entries, shares, light, narrow)];
+    all.into_iter().zip(is_there).filter_map(|(sums, is_there)| is_there.then_some(sums)).collect()
 }
 
 #[target_feature(enable = "avx512f,avx2")]

@@ -48,9 +48,9 @@ impl Lobe {
         Lobe { r, exponent, power, faces: std::array::from_fn(face) }
     }
 
-    /// As [`normalisation`].
+    /// (e + 2) / 2π, 1/sr: the reflected share is then Ks from straight above.
     pub fn normalisation(&self) -> f32 {
-        normalisation(self.exponent)
+        (self.exponent + 2.0) / (2.0 * PI) as f32
     }
 
     /// max(r·ω, 0)^e.
@@ -163,16 +163,6 @@ impl Lobe {
             *c = if *c > 0.0 { k } else { 0.0 };
         }
     }
-}
-
-/// (e + 2) / 2π, 1/sr: the reflected share is then Ks from straight above.
-fn normalisation(exponent: f32) -> f32 {
-    (exponent + 2.0) / (2.0 * PI) as f32
-}
-
-/// (e + 2)/(2π) max(cosine, 0)^e, 1/sr.
-pub fn phong(cosine: f32, exponent: f32) -> f32 {
-    normalisation(exponent) * cosine.max(0.0).powf(exponent)
 }
 
 /// A float of this size keeps nothing below 1, and whole numbers up to 2^22 in its lowest bits.

@@ -139,7 +139,7 @@ fn light_bounces_as_often_as_the_bake_says() {
     };
     let endless = lit(&asset);
     let mut last = 0.0;
-    for bounces in 1..5 {
+    for bounces in 1..6 {
         asset.metadata.options.insert("bounces".into(), bounces.into());
         let now = lit(&asset);
         assert!(now > last && now < 1.01 * endless, "{bounces} bounces: {last}, {now}, {endless}");

@@ -42,6 +42,8 @@ pub struct Detail<'f, 'a> {
     scratch: Box<Scratch>,
     /// Of each portal's beams, about the triangle that was asked for last.
     known: Vec<Known>,
+    /// Of the point whose beams were asked for last.
+    beams: Vec<(Vec3, Vec3)>,
 }
 
 /// What the corners of a triangle know about a beam.
@@ -126,7 +128,7 @@ struct Depth {
 impl<'f, 'a> Detail<'f, 'a> {
     /// Of a frame, as its portals are lit.
     pub fn new(frame: &'f PortalFrame<'a>) -> Detail<'f, 'a> {
-        Detail { frame, scratch: Box::default(), known: Vec::new() }
+        Detail { frame, scratch: Box::default(), known: Vec::new(), beams: Vec::new() }
     }
 
     /// What is to be added to the direct irradiance that a point has by interpolation between its triangle's corners, as
@@ -136,7 +138,7 @@ impl<'f, 'a> Detail<'f, 'a> {
     /// When there are no such vertices.
     pub fn at(&mut self, point: &Point) -> [f32; 3] {
         let mut more = Vec3::ZERO;
-        self.each(point, |shaft, known, found| {
+        self.each(point, |shaft, known, found, _| {
             if let Some(found) = found {
                 let corners = known.arrivals.iter().zip(point.weights);
                 let plain: f32 = corners.map(|((seen, _), weight)| weight * seen).sum();
@@ -146,21 +148,23 @@ impl<'f, 'a> Detail<'f, 'a> {
         more.to_array()
     }
 
-    /// Calls `met` with the direction to each beam and its irradiance of a point.
-    pub(crate) fn beams(&mut self, point: &Point, mut met: impl FnMut(Vec3, Vec3)) {
-        self.each(point, |shaft, _, found| {
-            let plain = || {
-                let corner = |(v, weight): (&u32, f32)| {
-                    weight * shaft.irradiance(*v as usize, &mut Scratch::default())
-                };
-                point.corners.iter().zip(point.weights).map(corner).sum()
-            };
-            met(shaft.axis(), found.map_or_else(plain, |found| found * shaft.radiance));
+    /// The direction to each beam, and its irradiance of a point.
+    pub(crate) fn beams(&mut self, point: &Point) -> &[(Vec3, Vec3)] {
+        let mut beams = std::mem::take(&mut self.beams);
+        beams.clear();
+        self.each(point, |shaft, _, found, scratch| {
+            let corners = || point.corners.iter().zip(point.weights);
+            let mut plain =
+                || corners().map(|(v, weight)| weight * shaft.irradiance(*v as usize, scratch)).sum();
+            let irradiance = found.map_or_else(&mut plain, |found| found * shaft.radiance);
+            beams.push((shaft.axis(), irradiance));
         });
+        self.beams = beams;
+        &self.beams
     }
 
     /// Of each beam what it sends to a point at radiance 1, as [`Known::transfer`] has it.
-    fn each(&mut self, point: &Point, mut met: impl FnMut(&Shaft, &Known, Option<f32>)) {
+    fn each(&mut self, point: &Point, mut met: impl FnMut(&Shaft, &Known, Option<f32>, &mut Scratch)) {
         let frame = self.frame;
         let lit = frame.portals.iter().filter(|p| p.lit == Lit::Bright);
         let shafts = lit.flat_map(|portal| portal.shafts(&frame.receivers));
@@ -169,7 +173,7 @@ impl<'f, 'a> Detail<'f, 'a> {
                 self.known.push(Known::default());
             }
             let found = self.known[i].transfer(&shaft, point, &mut self.scratch);
-            met(&shaft, &self.known[i], found);
+            met(&shaft, &self.known[i], found, &mut self.scratch);
         }
     }
 }

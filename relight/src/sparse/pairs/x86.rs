@@ -4,9 +4,7 @@
 use std::arch::x86_64::*;
 
 use super::{LANES, List, MOST, Pair, Planes, Sums};
-
-/// Bytes of pairs that are asked for before their turn: what a processor foresees by itself ends with each block.
-const AHEAD: usize = 3072;
+use crate::block::AHEAD;
 
 /// `false`, and nothing done, where the processor lacks what it takes.
 #[inline]
