@@ -44,9 +44,14 @@ pub(crate) const AHEAD: usize = 3072;
 pub(crate) type Sums = [[f32; LANES]; 3];
 
 /// What a byte stands for: 0, or with the exponent e = 1..=15 in its upper half and m in its lower, 2^(e - 15) (1 + m / 16),
-/// up to [`LARGEST`]. What has no exponent but a fraction, m 2^-18, is never written.
+/// up to [`LARGEST`]. What has no exponent but a fraction is no share.
 pub fn value(byte: u8) -> f32 {
     f32::from_bits(u32::from(byte) << SHIFT) * f32::from_bits((127 + BIAS) << 23)
+}
+
+/// Whether [`byte`] ever gives this.
+pub(crate) fn is_share(byte: u8) -> bool {
+    byte == 0 || byte >= 16
 }
 
 /// The byte whose value is nearest to `x`.
@@ -181,6 +186,7 @@ mod tests {
         for b in (16..=255).chain([0]) {
             assert_eq!(byte(value(b)), b);
         }
+        assert!((0..=255).all(|b| is_share(b) == (byte(value(b)) == b)));
         for i in 1..4000 {
             let x = i as f32 * 5e-4;
             let nearest = (0..=255).map(|b| (value(b) - x).abs()).fold(f32::MAX, f32::min);

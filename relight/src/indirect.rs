@@ -396,6 +396,10 @@ impl<'a> Parts<'a> {
         }
         let share = sixteens("share", tensor(asset, "share", Data::as_u8)?)?;
         expect_length("share", share.len(), node.len(), "links")?;
+        if let Some(at) = share.as_flattened().iter().position(|&byte| !block::is_share(byte)) {
+            let byte = share.as_flattened()[at];
+            return Err(wrong("share", &format!("value {at} is {byte}, no small float: bake anew")));
+        }
         let scale = sixteens("scale", tensor(asset, "scale", Data::as_f32)?)?;
         expect_length("scale", scale.len(), n_blocks, "blocks")?;
         for (name, values) in [("scale", scale.as_flattened()), ("part", part)] {

@@ -105,6 +105,10 @@ fn bounced_light_has_a_row_for_each_vertex_and_patch() {
         assert_refused(&asset, "indirect.scale", &format!("{blocks} blocks instead of {BLOCKS}"));
     }
     let mut asset = room();
+    let mut share = vec![100; BLOCKS * K * LANES];
+    share[3] = 15;
+    asset.insert("indirect.share", &[BLOCKS * K, LANES], Data::U8(Cow::Owned(share)));
+    assert_refused(&asset, "indirect.share", "value 3 is 15");
     asset.insert("indirect.share", &[BLOCKS * K, 15], Data::U8(Cow::Owned(vec![1; BLOCKS * K * 15])));
     assert_refused(&asset, "indirect.share", "shape");
 }
