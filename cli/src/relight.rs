@@ -61,7 +61,7 @@ pub fn run(arguments: &args::Relight) -> Result<()> {
             let through = engine.through(&total);
             if let Some(glossy) = through.and_then(|through| through.glossy) {
                 let milliseconds = started.elapsed().as_secs_f64() * 1e3;
-                seen = format!(", {} glossy ones in {milliseconds:.2} ms", glossy.vertices().len());
+                seen = format!(", what {} glossy ones see in {milliseconds:.2} ms", glossy.vertices().len());
             }
             let lit = Lit { light, through, total: &total, products: &products, frame: (i, n) };
             let image = studio.shoot(&moment, &lit)?;

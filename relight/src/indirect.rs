@@ -398,7 +398,7 @@ impl<'a> Parts<'a> {
         expect_length("share", share.len(), node.len(), "links")?;
         if let Some(at) = share.as_flattened().iter().position(|&byte| !block::is_share(byte)) {
             let byte = share.as_flattened()[at];
-            return Err(wrong("share", &format!("value {at} is {byte}, no small float: bake anew")));
+            return Err(wrong("share", &format!("value {at} is {byte}, no small float")));
         }
         let scale = sixteens("scale", tensor(asset, "scale", Data::as_f32)?)?;
         expect_length("scale", scale.len(), n_blocks, "blocks")?;
