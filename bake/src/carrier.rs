@@ -30,7 +30,7 @@ use lunette_scenes::Scene;
 use rayon::prelude::*;
 
 use crate::fill;
-use crate::gather::{lane_of, packet};
+use crate::gather::{lane_of, nearest_vertex, packet};
 use crate::glossy::vertex_reflectance;
 use crate::sampling::{HemisphereSets, LANES as RAYS, hash};
 use crate::smooth::Smoother;
@@ -168,7 +168,7 @@ fn expected_reflectance(scene: &Scene) -> Vec<f32> {
 
 /// What counts in the cutting of patches, of each vertex: half its part of the area, half its part of all vertices, which
 /// are closer together where there is more to see.
-fn sizes(area: &[f32]) -> Vec<f32> {
+pub fn sizes(area: &[f32]) -> Vec<f32> {
     let whole: f64 = area.iter().map(|a| f64::from(*a)).sum();
     let mean = (whole / area.len().max(1) as f64) as f32;
     area.iter().map(|a| 0.5 * (a + mean)).collect()
@@ -246,10 +246,7 @@ fn row(
             if lane_of(&world, lane).dot(Vec3::from(hit.normal)) >= 0.0 {
                 continue;
             }
-            let corners = surface.mesh.index[hit.primitive as usize];
-            let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-            let nearest = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
-            if let Some(p) = leaf[corners[nearest] as usize] {
+            if let Some(p) = leaf[nearest_vertex(surface, &hit)] {
                 let sum = &mut dense[usize::from(p)];
                 if *sum == 0.0 {
                     touched.push(p);

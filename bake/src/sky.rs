@@ -106,8 +106,9 @@ impl<'a> Work<'a> {
     ) -> Result<(), Error> {
         let width = direct_width(self.order);
         let uniform: Vec<f32> = direct.chunks_exact(width).map(|r| std::f32::consts::PI * r[AO]).collect();
-        let sets = HemisphereSets::new(BURIAL_RAYS, hash(self.options.seed, u64::MAX));
-        let smoother = Smoother::new(&scene.mesh, &smooth::reach(self.surface, None, &sets, &[]));
+        let rays =
+            HemisphereSets::new(self.options.rays.min(smooth::MOST_RAYS), hash(self.options.seed, u64::MAX));
+        let smoother = Smoother::new(scene, self.surface, None, &rays, &vec![false; uniform.len()]);
         let lie = Lie {
             buried: &donors.filled(),
             unlit: &vec![false; uniform.len()],

@@ -125,8 +125,10 @@ fn bake(
         let sets = HemisphereSets::new(BURIAL_RAYS, hash(options.seed, u64::MAX));
         let owners = outside::owners(&surface, &gates, portals, options.seed);
         let unlit = outside::unlit(&surface, &gates, &owners, &sets);
-        let reach = smooth::reach(&surface, Some(&gates), &sets, &unlit);
-        let smoother = Smoother::new(&scene.mesh, &reach);
+        let smoother = {
+            let rays = HemisphereSets::new(options.rays.min(smooth::MOST_RAYS), hash(options.seed, u64::MAX));
+            Smoother::new(scene, &surface, Some(&gates), &rays, &unlit)
+        };
         let lit: Vec<usize> = (0..scene.mesh.position.len()).filter(|&v| !unlit[v]).collect();
         let buried = buried(&surface, &sets, &lit);
         let donors = fill::donors(&scene.mesh, &buried);
