@@ -7,7 +7,8 @@
 //! from direct light) read on past their end instead.
 //!
 //! Coloured rows: coefficients are interleaved r g b, so that the light is laid out once in the same way and
-//! three accumulators take every third eight; their lanes hold fixed colours and are sorted at the end. A last
+//! three accumulators take every third eight; their lanes hold fixed colours and are sorted at the end, four rows then
+//! added to the sums at once. A last
 //! partial eight reads on into the next row against a light of zero; the last row is left to the portable sum.
 #![allow(unsafe_code, reason = "twice the speed of the portable sum, see benches")]
 
@@ -138,20 +139,23 @@ fn sh_rgb_add_avx2(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32; 3]]) {
     }
     // Reading on past the end of a row by less than 24 needs that much transfer behind it.
     let behind = (3 * LANES).div_ceil(row);
-    let fast = out.len().saturating_sub(behind);
-    for (v, out) in out[..fast].iter_mut().enumerate() {
-        let mut wide = [_mm256_setzero_ps(); 3];
-        for i in (0..row).step_by(3 * LANES) {
-            for (k, w) in wide.iter_mut().enumerate() {
-                let at = i + k * LANES;
-                let t = load_f16(&transfer[v * row + at..v * row + at + LANES]);
-                *w = _mm256_fmadd_ps(t, load_f32(&flat[at..at + LANES]), *w);
+    let fast = out.len().saturating_sub(behind) / ROWS * ROWS;
+    let (groups, _) = out[..fast].as_chunks_mut::<ROWS>();
+    for (group, out) in groups.iter_mut().enumerate() {
+        let mut sums = [_mm_setzero_ps(); ROWS];
+        for (r, sum) in sums.iter_mut().enumerate() {
+            let first = (group * ROWS + r) * row;
+            let mut wide = [_mm256_setzero_ps(); 3];
+            for i in (0..row).step_by(3 * LANES) {
+                for (k, w) in wide.iter_mut().enumerate() {
+                    let at = i + k * LANES;
+                    let t = load_f16(&transfer[first + at..first + at + LANES]);
+                    *w = _mm256_fmadd_ps(t, load_f32(&flat[at..at + LANES]), *w);
+                }
             }
+            *sum = fold_rgb(wide);
         }
-        let sum = fold_rgb(wide);
-        for (o, s) in out.iter_mut().zip(sum) {
-            *o += s;
-        }
+        add_triples(sums, out);
     }
     portable::sh_rgb_add(&transfer[fast * row..], light, &mut out[fast..]);
 }
@@ -210,10 +214,10 @@ const fn order([a, b, c, d]: [i32; 4]) -> i32 {
     a | b << 2 | c << 4 | d << 6
 }
 
-/// Twenty-four lanes r g b r g b ... -> their three sums.
+/// Twenty-four lanes r g b r g b ... -> their three sums, and anything.
 #[inline]
 #[target_feature(enable = "avx2,fma,f16c")]
-fn fold_rgb([a, b, c]: [__m256; 3]) -> [f32; 3] {
+fn fold_rgb([a, b, c]: [__m256; 3]) -> __m128 {
     // Twelve lanes are four whole triples, so quarter k and quarter k + 3 hold the same colours.
     let low = |v| _mm256_castps256_ps128(v);
     let quarters = [
@@ -221,10 +225,24 @@ fn fold_rgb([a, b, c]: [__m256; 3]) -> [f32; 3] {
         _mm_add_ps(_mm256_extractf128_ps::<1>(a), low(c)),
         _mm_add_ps(low(b), _mm256_extractf128_ps::<1>(c)),
     ];
-    let mut lanes = [0.0f32; 12];
-    for (lanes, quarter) in lanes.chunks_exact_mut(4).zip(quarters) {
-        // SAFETY: the chunk holds the sixteen bytes written; the store asks for no alignment.
-        unsafe { _mm_storeu_ps(lanes.as_mut_ptr(), quarter) };
+    let [p, q, r] = quarters.map(|v| _mm_castps_si128(v));
+    // Lanes 3.., 6.. and 9.. of the twelve.
+    let second = _mm_castsi128_ps(_mm_alignr_epi8::<12>(q, p));
+    let third = _mm_castsi128_ps(_mm_alignr_epi8::<8>(r, q));
+    let fourth = _mm_castsi128_ps(_mm_srli_si128::<4>(r));
+    _mm_add_ps(_mm_add_ps(quarters[0], second), _mm_add_ps(third, fourth))
+}
+
+/// Adds four triples, of whose lanes the last are anything, to four that follow each other.
+#[inline]
+#[target_feature(enable = "avx2,fma,f16c")]
+fn add_triples([a, b, c, d]: [__m128; ROWS], out: &mut [[f32; 3]; ROWS]) {
+    let b_c = _mm_shuffle_ps::<{ order([1, 2, 0, 1]) }>(b, c);
+    let rotated = _mm_shuffle_ps::<{ order([0, 0, 1, 2]) }>(d, d);
+    // Red of b behind a; blue of c before d.
+    let parts = [_mm_insert_ps::<0x30>(a, b), b_c, _mm_insert_ps::<0x80>(rotated, c)];
+    for (out, part) in out.as_flattened_mut().chunks_exact_mut(4).zip(parts) {
+        // SAFETY: the chunk holds the sixteen bytes read and written; neither asks for alignment.
+        unsafe { _mm_storeu_ps(out.as_mut_ptr(), _mm_add_ps(_mm_loadu_ps(out.as_ptr()), part)) };
     }
-    std::array::from_fn(|k| (lanes[k] + lanes[k + 3]) + (lanes[k + 6] + lanes[k + 9]))
 }

@@ -1,5 +1,7 @@
 //! Rows as they lie in an asset, checked before anyone follows them.
 
+use std::ops::Range;
+
 use super::{Basis, LONGEST_RUN, Row, SparseLight, dot, n_entries};
 use crate::asset::{Asset, Data, Error};
 use crate::cubemap;
@@ -115,6 +117,13 @@ impl<'a> Rows<'a> {
     /// Bytes of all rows: runs, values, and nine each for start, scale and basis.
     pub fn bytes(&self) -> usize {
         2 * self.runs.len() + self.value.len() + 9 * self.n_rows()
+    }
+
+    /// Of some of them.
+    pub(crate) fn bytes_of(&self, rows: Range<usize>) -> usize {
+        let runs = self.first_run[rows.end] - self.first_run[rows.start];
+        let values = self.start[rows.end] - self.start[rows.start];
+        2 * runs as usize + values as usize + 9 * rows.len()
     }
 
     /// Row `v` as the encoder made it, without its error.
