@@ -53,8 +53,14 @@ pub fn sh_rgb_add(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32; 3]]) ->
     if !supported(light.len(), MAX_COEFFICIENTS) {
         return false;
     }
-    // SAFETY: `supported` saw the features that `sh_rgb_add_avx2` is compiled for.
-    unsafe { sh_rgb_add_avx2(transfer, light, out) };
+    // SAFETY: `supported` saw the features that these are compiled for.
+    unsafe {
+        match light.len() {
+            16 => sh_rgb_add_whole::<48>(transfer, light, out),
+            64 => sh_rgb_add_whole::<192>(transfer, light, out),
+            _ => sh_rgb_add_avx2(transfer, light, out),
+        }
+    }
     true
 }
 
@@ -128,6 +134,31 @@ fn any_avx2(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32; 3]]) {
         store_transposed([fold(wide[0]), fold(wide[1]), fold(wide[2])], out);
     }
     portable::sh(&transfer[fast * n..], light, &mut out[fast..]);
+}
+
+/// Rows of `ROW` numbers, a multiple of 24, known when this is compiled.
+#[target_feature(enable = "avx2,fma,f16c")]
+fn sh_rgb_add_whole<const ROW: usize>(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32; 3]]) {
+    let mut flat = [0.0f32; ROW];
+    flat.copy_from_slice(light.as_flattened());
+    let (rows, _) = transfer.as_chunks::<ROW>();
+    let (rows, rest_rows) = rows.as_chunks::<ROWS>();
+    let (groups, rest) = out.as_chunks_mut::<ROWS>();
+    for (rows, out) in rows.iter().zip(groups) {
+        let mut sums = [_mm_setzero_ps(); ROWS];
+        for (row, sum) in rows.iter().zip(&mut sums) {
+            let mut wide = [_mm256_setzero_ps(); 3];
+            for i in (0..ROW).step_by(3 * LANES) {
+                for (k, w) in wide.iter_mut().enumerate() {
+                    let at = i + k * LANES;
+                    *w = _mm256_fmadd_ps(load_f16(&row[at..at + LANES]), load_f32(&flat[at..at + LANES]), *w);
+                }
+            }
+            *sum = fold_rgb(wide);
+        }
+        add_triples(sums, out);
+    }
+    portable::sh_rgb_add(rest_rows.as_flattened(), light, rest);
 }
 
 #[target_feature(enable = "avx2,fma,f16c")]
