@@ -39,7 +39,7 @@ const CHANGE: f32 = 0.4;
 const RINGS: u8 = 3;
 
 /// Rays by which vertices are compared, at most.
-pub const MOST_RAYS: usize = 1024;
+pub const MOST_RAYS: usize = 4096;
 
 /// Regions of the surface.
 const REGIONS: usize = 32;

@@ -4,7 +4,7 @@
 //! The scene is that of figure 11 of Yue et al., Interactive Rendering of Interior Scenes with Dynamic Environment
 //! Illumination, 2009, as far as it can be had: Phong exponent 10, cubemaps of 32 x 32 x 6, SH of order 4, 9 bounces; the
 //! paper's picture differs by 2.1 % from its reference. The reference picture takes long, so that it is kept in the
-//! target folder, under a name that says what it is of; it is traced anew where it is missing.
+//! target folder, under a name that says what it is of; it is traced anew, in an hour, where it is missing.
 //!
 //!     cargo bench -p lunette-benches --bench glossy
 
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::Vec3;
-use lunette_bake::{Basis, Options, PortalOptions, Silent, bake_portals, mesh_asset};
+use lunette_bake::{Basis, Options, PortalOptions, Silent, bake_portals, mesh_asset, refine};
 use lunette_benches::least;
 use lunette_relight::asset::Asset;
 use lunette_relight::glossy::{Glossy, HIGHEST_EXPONENT};
@@ -54,24 +54,60 @@ const CASES: [Case; 2] = [
     Case { name: "sun on it", azimuth: 270.0, elevation: 28.0, size: (80, 60), paths: 24576 },
 ];
 
+/// How the room is baked.
+struct Effort {
+    name: &'static str,
+    rays: usize,
+    links: usize,
+    /// How often edges are halved where near shadows end.
+    refined: usize,
+}
+
+/// Links as they are by default, and as many as fit in 600 bytes per vertex.
+const EFFORTS: [Effort; 2] = [
+    Effort { name: "1024 rays, 448 links", rays: 1024, links: 448, refined: 0 },
+    Effort { name: "4096 rays, 960 links, refined twice", rays: 4096, links: 960, refined: 2 },
+];
+
 fn main() {
     let (room, portals) = room();
     let camera = Camera::new(Vec3::new(1.6, 1.35, 1.6), Vec3::new(-0.15, 0.65, -0.9), 58.0);
     let truths = CASES.map(|case| case.reference(&room, &portals, &camera));
+    for effort in EFFORTS {
+        println!("\n{}", effort.name);
+        judge(room.clone(), &portals, &camera, (&truths, &effort));
+    }
+}
+
+fn judge(mut room: Scene, portals: &[Portal], camera: &Camera, (truths, effort): (&[Truth; 2], &Effort)) {
     let started = Instant::now();
-    let basis = vec![Basis::Sh, Basis::DirectToIndirect];
-    let options =
-        Options { basis, order: 4, indirect_order: 4, rays: 1024, bounces: BOUNCES, ..Options::default() };
+    refine(&mut room, portals, effort.refined).expect("Embree");
+    let options = Options {
+        basis: vec![Basis::Sh, Basis::DirectToIndirect],
+        order: 4,
+        indirect_order: 4,
+        rays: effort.rays,
+        links: effort.links,
+        bounces: BOUNCES,
+        ..Options::default()
+    };
     let (baked, _) =
-        bake_portals(&room, &portals, &options, &PortalOptions::default(), &Silent).expect("a bake");
+        bake_portals(&room, portals, &options, &PortalOptions::default(), &Silent).expect("a bake");
     println!("baked in {:.1} s", started.elapsed().as_secs_f64());
     // Through the file's bytes, so that what is judged is what is stored.
     let bytes = baked.to_bytes().expect("bytes");
     let asset = Asset::from_bytes(&bytes).expect("an asset");
-    println!("{} vertices, {} triangles", asset.n_vertices(), asset.triangles().len());
+    let mut frame = PortalFrame::new(&asset).expect("portals");
+    frame.set_indirect(Indirect::DirectToIndirect).expect("baked");
+    let (direct, bounced) = frame.bytes_per_vertex();
+    println!(
+        "{} vertices, {} triangles; bytes per vertex: {direct:.0} direct, {bounced:.0} bounced from direct",
+        asset.n_vertices(),
+        asset.triangles().len()
+    );
     let plain = Tracer::new(surface(&asset)).expect("a tracer");
-    for (case, truth) in CASES.iter().zip(&truths) {
-        let visibility = trace(&plain, &camera, FINER * case.size.0, FINER * case.size.1).expect("a picture");
+    for (case, truth) in CASES.iter().zip(truths) {
+        let visibility = trace(&plain, camera, FINER * case.size.0, FINER * case.size.1).expect("a picture");
         for carried in [Indirect::DirectToIndirect, Indirect::Sh] {
             println!("{}, bounced light {carried:?}", case.name);
             let frame = Frame {

@@ -184,6 +184,9 @@ pub struct PortalChoice {
     /// Share of the energy of bounced SH light that --order auto holds, percent
     #[arg(long, value_name = "PERCENT", default_value_t = 95.0, allow_negative_numbers = true)]
     pub energy: f64,
+    /// Halve edges of the mesh, so many times, where the shadow of something near by ends: 0..=6
+    #[arg(long, value_name = "TIMES", default_value_t = 0, allow_negative_numbers = true)]
+    pub refine: usize,
 }
 
 /// `lunette portals`

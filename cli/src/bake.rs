@@ -27,6 +27,7 @@ pub fn run(arguments: &args::Bake) -> Result<()> {
     if !portals.is_empty() {
         portals::judge(&scene, &arguments.scene, &mut portals)?;
     }
+    portals::refine(&mut scene, &portals, arguments.portals.refine)?;
     if asked.is_empty() && !portals.is_empty() {
         options.basis = vec![Basis::Haar, Basis::Sh, Basis::DirectToIndirect];
     }

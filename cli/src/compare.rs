@@ -47,6 +47,7 @@ pub fn run(arguments: &args::Compare) -> Result<()> {
     let asked = candidates(&arguments.methods)?;
     let mut scene = scene::load(&arguments.scene, &arguments.read)?;
     let portals = portals::take(&mut scene, &arguments.scene, &arguments.portals.openings)?;
+    portals::refine(&mut scene, &portals, arguments.portals.refine)?;
     let default: &[&str] = match (portals.is_empty(), effort.bounces) {
         (true, _) => &UNDER_THE_SKY,
         (false, 0) => &INSIDE_DIRECT,

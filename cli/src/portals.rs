@@ -76,6 +76,24 @@ pub fn warn_of_leaks(name: &str, elsewhere: f32, what_to_do: &str) {
 }
 
 /// Options of a portal bake from the command line.
+/// Refines the mesh where shadows of near things end, and says how much.
+pub fn refine(scene: &mut Scene, portals: &[Portal], times: usize) -> Result<()> {
+    ensure!(times <= MOST_REFINED, "--refine: {times} is not in 0..={MOST_REFINED}");
+    ensure!(
+        times == 0 || !portals.is_empty(),
+        "--refine: only shadows behind portals are refined, and the scene has none"
+    );
+    if times > 0 {
+        let before = scene.mesh.position.len();
+        lunette_bake::refine(scene, portals, times).map_err(|e| anyhow!("--refine: {e}"))?;
+        say(&format!("refined: {} vertices more, of {before}", scene.mesh.position.len() - before));
+    }
+    Ok(())
+}
+
+/// As much as halves a metre to less than two centimetres.
+const MOST_REFINED: usize = 6;
+
 pub fn options(choice: &args::PortalChoice, order: args::Bands) -> Result<PortalOptions> {
     let percent = choice.energy;
     ensure!((1.0..=100.0).contains(&percent), "--energy: {percent} is not in 1..=100 percent");

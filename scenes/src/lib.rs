@@ -37,5 +37,5 @@ pub use portal::{
     split_portals, take_portals, thrown_back, unglaze, write_portals,
 };
 pub use scene::{Error, Material, Mesh, Scene};
-pub use subdivide::{MAX_TRIANGLES, subdivide};
+pub use subdivide::{MAX_TRIANGLES, cut_edges, subdivide};
 pub use write_obj::write_obj;

@@ -1,13 +1,13 @@
-//! Subdivision to a longest edge.
+//! Subdivision, to a longest edge or of chosen edges.
 //!
-//! In each pass every edge that is too long gets a vertex in its middle, and every triangle is cut along the middles
-//! of its edges into two, three or four. Whether and where an edge is cut depends only on the positions of its two
-//! ends, so triangles on both sides agree, also where their vertices are split by a crease, and no T-junctions or
+//! In each pass every edge that is too long, or chosen, gets a vertex in its middle, and every triangle is cut along the
+//! middles of its edges into two, three or four. Whether and where an edge is cut depends only on the positions of its
+//! two ends, so triangles on both sides agree, also where their vertices are split by a crease, and no T-junctions or
 //! cracks appear.
 //!
 //! Each pass halves what is too long, so it takes about log2(longest edge / limit) passes.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::Vec3;
 
@@ -37,9 +37,40 @@ pub fn subdivide(scene: &mut Scene, longest_edge: f32) -> Result<(), Error> {
         return Ok(());
     }
     let mut mesh = scene.mesh.clone();
-    while pass(&mut mesh, longest_edge)? {}
+    loop {
+        let long: Vec<[bool; 3]> = mesh.index.iter().map(|&t| long_edges(&mesh, t, longest_edge)).collect();
+        if !pass(&mut mesh, &long, |n| too_many(n, longest_edge))? {
+            break;
+        }
+    }
     scene.mesh = mesh;
     Ok(())
+}
+
+/// Cuts each edge once of which `is_chosen` says so of the vertices at its ends, given in either order; where several edges lie
+/// between the same two places, of any of them. As [`subdivide`] otherwise. Says how many triangles more there are.
+///
+/// # Errors
+/// [`Error::Invalid`] if it would take more than [`MAX_TRIANGLES`], or if f32 has no room between the ends of an edge. The
+/// scene is not changed then.
+pub fn cut_edges(scene: &mut Scene, is_chosen: impl Fn(u32, u32) -> bool) -> Result<usize, Error> {
+    let mesh = &scene.mesh;
+    let place = |v: u32| mesh.position[v as usize].to_array().map(f32::to_bits);
+    let between = |[a, b]: [u32; 2]| {
+        let [a, b] = [place(a), place(b)];
+        if a < b { [a, b] } else { [b, a] }
+    };
+    let edges = |t: [u32; 3]| [0, 1, 2].map(|k| [t[k], t[(k + 1) % 3]]);
+    let chosen = mesh.index.iter().flat_map(|&t| edges(t)).filter(|[a, b]| is_chosen(*a, *b));
+    let chosen: HashSet<_> = chosen.map(between).collect();
+    let cuts: Vec<[bool; 3]> =
+        mesh.index.iter().map(|&t| edges(t).map(|edge| chosen.contains(&between(edge)))).collect();
+    let (mut mesh, before) = (scene.mesh.clone(), scene.mesh.index.len());
+    let too_many =
+        |n| invalid(format!("it takes {n:.1e} triangles, and {:.0e} is the limit", MAX_TRIANGLES as f64));
+    pass(&mut mesh, &cuts, too_many)?;
+    scene.mesh = mesh;
+    Ok(scene.mesh.index.len() - before)
 }
 
 fn invalid(what: String) -> Error {
@@ -73,23 +104,22 @@ fn long_edges(mesh: &Mesh, triangle: [u32; 3], limit: f32) -> [bool; 3] {
     [0, 1, 2].map(|k| p[k].distance(p[(k + 1) % 3]) > limit)
 }
 
-/// Cuts all edges that are too long once; false if there are none.
-fn pass(mesh: &mut Mesh, limit: f32) -> Result<bool, Error> {
-    let long: Vec<[bool; 3]> = mesh.index.iter().map(|&t| long_edges(mesh, t, limit)).collect();
-    let n_cuts: usize = long.iter().flatten().filter(|&&is_long| is_long).count();
+/// Cuts these edges of all triangles once; false if there are none.
+fn pass(mesh: &mut Mesh, cuts: &[[bool; 3]], too_many: impl Fn(f64) -> Error) -> Result<bool, Error> {
+    let n_cuts: usize = cuts.iter().flatten().filter(|&&is_cut| is_cut).count();
     if n_cuts == 0 {
         return Ok(false);
     }
     let n = mesh.index.len() + n_cuts;
     if n as u64 > MAX_TRIANGLES {
-        return Err(too_many(n as f64, limit));
+        return Err(too_many(n as f64));
     }
 
     let mut middles = Middles::default();
     let old = std::mem::replace(&mut mesh.index, Vec::with_capacity(n));
     let (material, group) = (std::mem::take(&mut mesh.material), std::mem::take(&mut mesh.group));
     for (i, triangle) in old.into_iter().enumerate() {
-        cut(mesh, triangle, long[i], &mut middles)?;
+        cut(mesh, triangle, cuts[i], &mut middles)?;
         mesh.material.resize(mesh.index.len(), material[i]);
         mesh.group.resize(mesh.index.len(), group[i]);
     }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use glam::Vec3;
-use lunette_scenes::{LoadOptions, Scene, subdivide};
+use lunette_scenes::{LoadOptions, Scene, cut_edges, subdivide};
 
 use crate::{area, assert_valid, load_files};
 
@@ -59,17 +59,40 @@ fn surface_stays_closed_across_creases_and_materials() {
     for limit in [0.9, 0.45, 0.2, 0.07] {
         let mut scene = cube();
         subdivide(&mut scene, limit).unwrap();
-        // Every edge of the box, by the places of its ends, has to be there once in each direction.
-        let mut edges: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
-        let place = |v: u32| (scene.mesh.position[v as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
-        for (t, _) in scene.mesh.index.iter().zip(&scene.mesh.group).filter(|(_, group)| **group == 0) {
-            for k in 0..3 {
-                let (a, b) = (place(t[k]), place(t[(k + 1) % 3]));
-                *edges.entry([a.min(b), a.max(b)]).or_default() += if a < b { 1 } else { -1 };
-            }
-        }
-        assert!(edges.values().all(|&balance| balance == 0), "a crack at limit {limit}");
+        assert!(is_closed(&scene), "a crack at limit {limit}");
     }
+}
+
+/// Whether every edge of the box, by the places of its ends, is there once in each direction.
+fn is_closed(scene: &Scene) -> bool {
+    let mut edges: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
+    let place = |v: u32| (scene.mesh.position[v as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
+    for (t, _) in scene.mesh.index.iter().zip(&scene.mesh.group).filter(|(_, group)| **group == 0) {
+        for k in 0..3 {
+            let (a, b) = (place(t[k]), place(t[(k + 1) % 3]));
+            *edges.entry([a.min(b), a.max(b)]).or_default() += if a < b { 1 } else { -1 };
+        }
+    }
+    edges.values().all(|&balance| balance == 0)
+}
+
+#[test]
+fn chosen_edges_are_cut_on_both_sides_of_a_crease() {
+    let before = cube();
+    let at = |v: u32| before.mesh.position[v as usize];
+    // One edge of the box, of which only the vertices of its upper face are asked for.
+    let is_upper = |v: u32| before.mesh.normal[v as usize] == Vec3::Y && at(v).z == 1.0;
+    let mut after = before.clone();
+    let n_more = cut_edges(&mut after, |a, b| is_upper(a) && is_upper(b)).unwrap();
+    assert_eq!(n_more, 2, "a triangle of each of two faces");
+    assert_valid(&after);
+    assert!(is_closed(&after));
+    let middle = Vec3::new(0.5, 1.0, 1.0);
+    assert_eq!(after.mesh.position.iter().filter(|p| **p == middle).count(), 2, "of two normals");
+    assert!((area(&after) / area(&before) - 1.0).abs() < 1e-5);
+    let once = after.clone();
+    assert_eq!(cut_edges(&mut after, |_, _| false).unwrap(), 0);
+    assert_eq!(after.mesh.index, once.mesh.index);
 }
 
 #[test]
