@@ -78,7 +78,6 @@ pub fn warn_of_leaks(name: &str, elsewhere: f32, what_to_do: &str) {
 /// Options of a portal bake from the command line.
 /// Refines the mesh where shadows of near things end, and says how much.
 pub fn refine(scene: &mut Scene, portals: &[Portal], times: usize) -> Result<()> {
-    ensure!(times <= MOST_REFINED, "--refine: {times} is not in 0..={MOST_REFINED}");
     ensure!(
         times == 0 || !portals.is_empty(),
         "--refine: only shadows behind portals are refined, and the scene has none"
@@ -101,6 +100,8 @@ pub fn options(choice: &args::PortalChoice, order: args::Bands) -> Result<Portal
         choice.photons.is_none_or(|n| (1000..=10_000_000_000).contains(&n)),
         "--photons: a number in 1000..=10000000000 is needed"
     );
+    let times = choice.refine;
+    ensure!(times <= MOST_REFINED, "--refine: {times} is not in 0..={MOST_REFINED}");
     Ok(PortalOptions {
         start: choice.photons.map_or(Start::Gathering, Start::Photons),
         energy_share: (order == args::Bands::Auto).then_some(percent / 100.0),

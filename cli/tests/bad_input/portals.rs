@@ -179,3 +179,11 @@ fn step_past_all_triangles_inside_is_named() {
         &["--every", "1000000", "less"],
     );
 }
+
+#[test]
+fn refinement_needs_portals_and_a_small_number() {
+    let folder = Folder::new();
+    bake_fails(&folder, &["--portal", "glass*", "--refine", "7"], &["--refine", "7", "0..=6"]);
+    let plain = ["bake", "plane:n=8", "--rays", "16", "--refine", "1", "-o", "out.safetensors"];
+    fails_late(&folder, &plain, &["--refine", "portals"]);
+}

@@ -159,6 +159,21 @@ fn bake_through_the_file_is_the_bake_by_name() {
 }
 
 #[test]
+fn refined_bake_is_continued_by_a_refined_bake() {
+    let folder = Folder::new();
+    let bake = |more: &[&str]| {
+        let bake = ["bake", "box-room:edge=0.3", "--portal", "glass*", "--rays", "32", "--bounces", "1"];
+        let basis = ["--basis", "haar,sh", "-o", "room.safetensors"];
+        folder.try_run(&[&bake[..], &basis, more].concat())
+    };
+    let said = String::from_utf8(bake(&["--refine", "2", "--order", "2"]).stderr).unwrap();
+    assert!(said.lines().any(|l| l.starts_with("refined: ") && l.contains(" vertices more")), "{said}");
+    let more = ["--order", "3", "--continue", "room.safetensors"];
+    assert!(!bake(&more).status.success(), "another mesh");
+    assert!(bake(&[&more[..], &["--refine", "2"]].concat()).status.success());
+}
+
+#[test]
 fn hole_lights_the_room_as_its_pane_did() {
     let folder = Folder::new();
     folder.room();
