@@ -114,18 +114,6 @@ pub(crate) fn add_to(
     out: &mut [[f32; 3]],
 ) {
     let start = group.wrapping_sub(first);
-    let whole = out.get_mut(start..).and_then(|out| out.first_chunk_mut::<GROUP>());
-    if let (Some(out), true) = (whole, rows[LANES - 1] != NO_ROW) {
-        let scaled: Sums = sums.map(|sums| std::array::from_fn(|i| scale[i] * sums[i]));
-        for (i, &row) in rows.iter().enumerate() {
-            // Of sixteen rows all are within the group.
-            let [r, g, b] = &mut out[usize::from(row) % GROUP];
-            *r += scaled[0][i];
-            *g += scaled[1][i];
-            *b += scaled[2][i];
-        }
-        return;
-    }
     for (i, (&row, &scale)) in rows.iter().zip(scale).enumerate() {
         // Rows before the first wrap round to where there are none.
         if let Some([r, g, b]) = out.get_mut(start.wrapping_add(usize::from(row))) {

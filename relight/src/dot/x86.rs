@@ -147,14 +147,7 @@ fn sh_rgb_add_whole<const ROW: usize>(transfer: &[f16], light: &[[f32; 3]], out:
     for (rows, out) in rows.iter().zip(groups) {
         let mut sums = [_mm_setzero_ps(); ROWS];
         for (row, sum) in rows.iter().zip(&mut sums) {
-            let mut wide = [_mm256_setzero_ps(); 3];
-            for i in (0..ROW).step_by(3 * LANES) {
-                for (k, w) in wide.iter_mut().enumerate() {
-                    let at = i + k * LANES;
-                    *w = _mm256_fmadd_ps(load_f16(&row[at..at + LANES]), load_f32(&flat[at..at + LANES]), *w);
-                }
-            }
-            *sum = fold_rgb(wide);
+            *sum = sum_rgb(row, &flat);
         }
         add_triples(sums, out);
     }
@@ -171,20 +164,12 @@ fn sh_rgb_add_avx2(transfer: &[f16], light: &[[f32; 3]], out: &mut [[f32; 3]]) {
     // Reading on past the end of a row by less than 24 needs that much transfer behind it.
     let behind = (3 * LANES).div_ceil(row);
     let fast = out.len().saturating_sub(behind) / ROWS * ROWS;
+    let light_of_row = &flat[..row.next_multiple_of(3 * LANES)];
     let (groups, _) = out[..fast].as_chunks_mut::<ROWS>();
     for (group, out) in groups.iter_mut().enumerate() {
         let mut sums = [_mm_setzero_ps(); ROWS];
         for (r, sum) in sums.iter_mut().enumerate() {
-            let first = (group * ROWS + r) * row;
-            let mut wide = [_mm256_setzero_ps(); 3];
-            for i in (0..row).step_by(3 * LANES) {
-                for (k, w) in wide.iter_mut().enumerate() {
-                    let at = i + k * LANES;
-                    let t = load_f16(&transfer[first + at..first + at + LANES]);
-                    *w = _mm256_fmadd_ps(t, load_f32(&flat[at..at + LANES]), *w);
-                }
-            }
-            *sum = fold_rgb(wide);
+            *sum = sum_rgb(&transfer[(group * ROWS + r) * row..], light_of_row);
         }
         add_triples(sums, out);
     }
@@ -243,6 +228,20 @@ fn store_transposed([r, g, b]: [__m128; 3], out: &mut [[f32; 3]; ROWS]) {
 /// The immediate of `_mm_shuffle_ps` that takes these lanes, the first two from its first operand.
 const fn order([a, b, c, d]: [i32; 4]) -> i32 {
     a | b << 2 | c << 4 | d << 6
+}
+
+/// The sums of a row's products with a light, a multiple of 24 numbers, and anything.
+#[inline]
+#[target_feature(enable = "avx2,fma,f16c")]
+fn sum_rgb(row: &[f16], light: &[f32]) -> __m128 {
+    let mut wide = [_mm256_setzero_ps(); 3];
+    for i in (0..light.len()).step_by(3 * LANES) {
+        for (k, w) in wide.iter_mut().enumerate() {
+            let at = i + k * LANES;
+            *w = _mm256_fmadd_ps(load_f16(&row[at..at + LANES]), load_f32(&light[at..at + LANES]), *w);
+        }
+    }
+    fold_rgb(wide)
 }
 
 /// Twenty-four lanes r g b r g b ... -> their three sums, and anything.

@@ -116,7 +116,7 @@ impl<'a> Rows<'a> {
 
     /// Bytes of all rows: runs, values, and nine each for start, scale and basis.
     pub fn bytes(&self) -> usize {
-        2 * self.runs.len() + self.value.len() + 9 * self.n_rows()
+        self.bytes_of(0..self.n_rows())
     }
 
     /// Of some of them.

@@ -74,11 +74,14 @@ impl Together {
         self.kinds.iter_mut().for_each(|kind| kind.group.push(kind.rows.len() as u32));
     }
 
-    /// What a frame reads: of rows in blocks their pairs, zeros too, and 98 bytes of each block.
+    /// What a frame reads: of rows in blocks their pairs, zeros too, and what each block has beside them.
     pub fn bytes(&self, rows: &Rows) -> usize {
-        let per_block = size_of::<[u16; LANES]>() + size_of::<[f32; LANES]>() + size_of::<u16>();
         let of_kind = |kind: &Kind| {
-            kind.pairs.len() * (size_of::<Pair>() + size_of::<u16>()) + kind.rows.len() * per_block
+            size_of_val(&kind.pairs[..])
+                + size_of_val(&kind.first[..])
+                + size_of_val(&kind.start[..])
+                + size_of_val(&kind.rows[..])
+                + size_of_val(&kind.scale[..])
         };
         let apart = (0..self.is_blocked.len()).filter(|g| !self.is_blocked[*g]);
         let in_rows = apart.map(|g| rows.bytes_of(g * GROUP..rows.n_rows().min((g + 1) * GROUP)));
