@@ -17,6 +17,8 @@ pub enum Error {
     EmptyScene,
     /// The threads could not be started.
     Threads(String),
+    /// The scene or its portals are wrong.
+    Scene(lunette_scenes::Error),
     /// A tensor would not fit its file.
     TooLarge(String),
     /// Nothing in the scene is inside.
@@ -36,6 +38,7 @@ impl std::fmt::Display for Error {
             Error::Option { name, what } => write!(f, "--{name}: {what}"),
             Error::EmptyScene => write!(f, "the scene has no triangle; give one that has"),
             Error::Threads(why) => write!(f, "cannot start threads ({why}); try a smaller --threads"),
+            Error::Scene(why) => write!(f, "{why}"),
             Error::TooLarge(why) => write!(f, "{why}"),
             Error::NoInterior => {
                 write!(f, "nothing is inside: most of the sky is seen everywhere; bake it without portals")

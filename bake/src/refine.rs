@@ -13,7 +13,7 @@
 
 use glam::Vec3;
 use lunette_ffi as ffi;
-use lunette_scenes::{Portal, Scene, cut_edges};
+use lunette_scenes::{Mesh, Portal, Scene, cut_edges};
 use rayon::prelude::*;
 
 use crate::sampling::LANES;
@@ -47,12 +47,11 @@ pub fn refine(scene: &mut Scene, portals: &[Portal], levels: usize) -> Result<us
             surface.keep_inside(&portals);
             (0..scene.mesh.position.len()).into_par_iter().map(|v| view(&surface, v, &points)).collect()
         };
-        let position = scene.mesh.position.clone();
-        let differ = |a: u32, b: u32| {
+        let differ = |mesh: &Mesh, a: u32, b: u32| {
             let [a, b] = [a as usize, b as usize];
-            do_differ(&views[a], &views[b], NEAR * position[a].distance(position[b]))
+            do_differ(&views[a], &views[b], NEAR * mesh.position[a].distance(mesh.position[b]))
         };
-        match cut_edges(scene, differ).map_err(|e| Error::TooLarge(e.to_string()))? {
+        match cut_edges(scene, differ).map_err(Error::Scene)? {
             0 => break,
             more => n_more += more,
         }
@@ -94,10 +93,8 @@ fn view(surface: &Surface, v: usize, points: &[(Vec3, Vec3)]) -> View {
         };
         let mut rays = ffi::Packet::<LANES>::default();
         for lane in 0..LANES {
-            rays.set(
-                lane,
-                &ffi::Ray { tfar: 1.0 - BEFORE, ..ffi::Ray::new(origin.into(), way(lane).into()) },
-            );
+            let ray = ffi::Ray::new(origin.into(), way(lane).into());
+            rays.set(lane, &ffi::Ray { tfar: 1.0 - BEFORE, ..ray });
         }
         let mut hits = ffi::Hits::<LANES>::default();
         surface.tree.intersect_packet(&ffi::Mask::from_fn(is_seen), &mut rays, &mut hits);

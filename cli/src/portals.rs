@@ -75,7 +75,6 @@ pub fn warn_of_leaks(name: &str, elsewhere: f32, what_to_do: &str) {
     }
 }
 
-/// Options of a portal bake from the command line.
 /// Refines the mesh where shadows of near things end, and says how much.
 pub fn refine(scene: &mut Scene, portals: &[Portal], times: usize) -> Result<()> {
     ensure!(
@@ -93,6 +92,7 @@ pub fn refine(scene: &mut Scene, portals: &[Portal], times: usize) -> Result<()>
 /// As much as halves a metre to less than two centimetres.
 const MOST_REFINED: usize = 6;
 
+/// Options of a portal bake from the command line.
 pub fn options(choice: &args::PortalChoice, order: args::Bands) -> Result<PortalOptions> {
     let percent = choice.energy;
     ensure!((1.0..=100.0).contains(&percent), "--energy: {percent} is not in 1..=100 percent");
@@ -100,8 +100,7 @@ pub fn options(choice: &args::PortalChoice, order: args::Bands) -> Result<Portal
         choice.photons.is_none_or(|n| (1000..=10_000_000_000).contains(&n)),
         "--photons: a number in 1000..=10000000000 is needed"
     );
-    let times = choice.refine;
-    ensure!(times <= MOST_REFINED, "--refine: {times} is not in 0..={MOST_REFINED}");
+    ensure!(choice.refine <= MOST_REFINED, "--refine: {} is not in 0..={MOST_REFINED}", choice.refine);
     Ok(PortalOptions {
         start: choice.photons.map_or(Start::Gathering, Start::Photons),
         energy_share: (order == args::Bands::Auto).then_some(percent / 100.0),

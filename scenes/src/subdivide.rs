@@ -53,7 +53,7 @@ pub fn subdivide(scene: &mut Scene, longest_edge: f32) -> Result<(), Error> {
 /// # Errors
 /// [`Error::Invalid`] if it would take more than [`MAX_TRIANGLES`], or if f32 has no room between the ends of an edge. The
 /// scene is not changed then.
-pub fn cut_edges(scene: &mut Scene, is_chosen: impl Fn(u32, u32) -> bool) -> Result<usize, Error> {
+pub fn cut_edges(scene: &mut Scene, is_chosen: impl Fn(&Mesh, u32, u32) -> bool) -> Result<usize, Error> {
     let mesh = &scene.mesh;
     let place = |v: u32| mesh.position[v as usize].to_array().map(f32::to_bits);
     let between = |[a, b]: [u32; 2]| {
@@ -61,8 +61,11 @@ pub fn cut_edges(scene: &mut Scene, is_chosen: impl Fn(u32, u32) -> bool) -> Res
         if a < b { [a, b] } else { [b, a] }
     };
     let edges = |t: [u32; 3]| [0, 1, 2].map(|k| [t[k], t[(k + 1) % 3]]);
-    let chosen = mesh.index.iter().flat_map(|&t| edges(t)).filter(|[a, b]| is_chosen(*a, *b));
+    let chosen = mesh.index.iter().flat_map(|&t| edges(t)).filter(|[a, b]| is_chosen(mesh, *a, *b));
     let chosen: HashSet<_> = chosen.map(between).collect();
+    if chosen.is_empty() {
+        return Ok(0);
+    }
     let cuts: Vec<[bool; 3]> =
         mesh.index.iter().map(|&t| edges(t).map(|edge| chosen.contains(&between(edge)))).collect();
     let (mut mesh, before) = (scene.mesh.clone(), scene.mesh.index.len());

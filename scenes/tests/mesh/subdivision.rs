@@ -83,7 +83,7 @@ fn chosen_edges_are_cut_on_both_sides_of_a_crease() {
     // One edge of the box, of which only the vertices of its upper face are asked for.
     let is_upper = |v: u32| before.mesh.normal[v as usize] == Vec3::Y && at(v).z == 1.0;
     let mut after = before.clone();
-    let n_more = cut_edges(&mut after, |a, b| is_upper(a) && is_upper(b)).unwrap();
+    let n_more = cut_edges(&mut after, |_, a, b| is_upper(a) && is_upper(b)).unwrap();
     assert_eq!(n_more, 2, "a triangle of each of two faces");
     assert_valid(&after);
     assert!(is_closed(&after));
@@ -91,7 +91,7 @@ fn chosen_edges_are_cut_on_both_sides_of_a_crease() {
     assert_eq!(after.mesh.position.iter().filter(|p| **p == middle).count(), 2, "of two normals");
     assert!((area(&after) / area(&before) - 1.0).abs() < 1e-5);
     let once = after.clone();
-    assert_eq!(cut_edges(&mut after, |_, _| false).unwrap(), 0);
+    assert_eq!(cut_edges(&mut after, |_, _, _| false).unwrap(), 0);
     assert_eq!(after.mesh.index, once.mesh.index);
 }
 
