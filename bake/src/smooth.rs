@@ -26,11 +26,11 @@ use lunette_ffi as ffi;
 use lunette_scenes::{Mesh, Scene};
 use rayon::prelude::*;
 
-use crate::Surface;
 use crate::carrier::{Tree, sizes};
 use crate::gather::{lane_of, nearest_vertex, packet};
 use crate::portal::Gates;
-use crate::sampling::{HemisphereSets, LANES};
+use crate::sampling::{HemisphereSets, LANES, hash};
+use crate::{Error, Options, Progress, Surface};
 
 /// Ward's a: the change that is let pass.
 const CHANGE: f32 = 0.4;
@@ -38,8 +38,11 @@ const CHANGE: f32 = 0.4;
 /// Rings of neighbours that a vertex reaches.
 const RINGS: u8 = 3;
 
-/// Rays by which vertices are compared, at most.
-pub const MOST_RAYS: usize = 4096;
+/// Rays by which vertices are compared: as many as of the rows, but not more than this.
+const MOST_RAYS: usize = 4096;
+
+/// Vertices looked from between two looks at the progress.
+const BLOCK: usize = 4096;
 
 /// Regions of the surface.
 const REGIONS: usize = 32;
@@ -57,31 +60,43 @@ pub struct Smoother {
 }
 
 /// What rays of a vertex see: R, metres, and the share of each region.
-#[derive(Clone)]
 struct Seen {
     reach: f32,
     shares: [f32; REGIONS],
 }
 
 impl Smoother {
-    /// By rays in these sets, which end at a portal's edge as bounced light does; `skip` says of whom nobody asks.
+    /// By rays that end at a portal's edge as bounced light does; `skip` says of whom nobody asks.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
     pub fn new(
         scene: &Scene,
-        surface: &Surface,
-        gates: Option<&Gates>,
-        sets: &HemisphereSets,
+        (surface, gates): (&Surface, Option<&Gates>),
+        options: &Options,
         skip: &[bool],
-    ) -> Smoother {
+        progress: &dyn Progress,
+    ) -> Result<Smoother, Error> {
         let mesh = &scene.mesh;
         let n_vertices = mesh.position.len();
         let tree = Tree::new(scene, &sizes(&mesh.vertex_area()), &vec![0.0; n_vertices], skip, REGIONS);
         let region = tree.leaf_of_vertices();
-        let look = |v: usize| if skip[v] { Seen::NOTHING } else { look(surface, gates, sets, &region, v) };
-        let seen: Vec<Seen> = (0..n_vertices).into_par_iter().map(look).collect();
+        let sets = HemisphereSets::new(options.rays.min(MOST_RAYS), hash(options.seed, u64::MAX));
+        let look = |v: usize| if skip[v] { Seen::NOTHING } else { look(surface, gates, &sets, &region, v) };
+        let rays = |n_vertices: usize| (n_vertices * sets.n_rays()) as u64;
+        let mut seen = Vec::with_capacity(n_vertices);
+        for first in (0..n_vertices).step_by(BLOCK) {
+            if progress.cancelled() {
+                return Err(Error::Cancelled);
+            }
+            let end = n_vertices.min(first + BLOCK);
+            seen.par_extend((first..end).into_par_iter().map(look));
+            progress.report("likeness of neighbours", rays(end), rays(n_vertices));
+        }
         let mut smoother = Smoother::within(mesh, &seen.iter().map(|s| s.reach).collect::<Vec<_>>());
         let rings = |v: usize| smoother.rings_of(v, &seen, sets.n_rays() as f32);
         smoother.rings = (0..n_vertices).into_par_iter().map(rings).collect();
-        smoother
+        Ok(smoother)
     }
 
     /// Over all rings; `reach` is R of each vertex, metres.
