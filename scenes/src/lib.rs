@@ -34,7 +34,7 @@ pub use gloss::Lobe;
 pub use open::{LoadOptions, Up, load};
 pub use portal::{
     MOST_THROWN_BACK, Portal, SIDECAR_FORMAT, SIDECAR_VERSION, Split, read_portals, sidecar_path,
-    split_portals, take_portals, thrown_back, unglaze, write_portals,
+    split_portals, take_portals, thrown_back, unglaze, without_doubled, write_portals,
 };
 pub use scene::{Error, Material, Mesh, Scene};
 pub use subdivide::{MAX_TRIANGLES, cut_edges, subdivide};

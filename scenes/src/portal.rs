@@ -8,9 +8,10 @@
 //! Based on: Yue, Iwasaki, Chen, Dobashi & Nishita, Interactive Rendering of Interior Scenes with Dynamic Environment
 //! Illumination, 2009.
 //!
-//! Where it breaks: a pane modelled as a thin box is two sheets, one behind the other; both are portals, and the area
-//! counts twice.
+//! Where it breaks: a pane modelled as a thin box is two sheets, one behind the other; both are portals, and though light
+//! enters once, their area counts twice.
 
+mod doubled;
 mod merge;
 mod sidecar;
 mod split;
@@ -21,6 +22,7 @@ mod unglaze;
 
 use glam::{DVec3, Vec3};
 
+pub use doubled::without_doubled;
 pub use sidecar::{SIDECAR_FORMAT, SIDECAR_VERSION, read_portals, sidecar_path, write_portals};
 pub use split::{MOST_THROWN_BACK, Split, split_portals, thrown_back};
 pub use take::take_portals;

@@ -24,7 +24,7 @@ use lunette_relight::asset::{Asset, Data, Shell};
 use lunette_relight::cubemap::n_texels;
 use lunette_relight::portal_frame::Reveal;
 use lunette_relight::sparse::{Rows, SparseLight};
-use lunette_scenes::{Portal, Scene};
+use lunette_scenes::{Portal, Scene, without_doubled};
 use rayon::prelude::*;
 
 use crate::carrier::{Lie, carrier};
@@ -118,7 +118,10 @@ fn bake(
     }
     crate::pool(options.threads)?.install(|| {
         let mut surface = Surface::new(scene)?;
-        let mut portals = portals.to_vec();
+        let (mut portals, n_doubled) = without_doubled(portals).map_err(Error::Scene)?;
+        if n_doubled > 0 {
+            progress.note(&format!("portals: {n_doubled} triangles in the place of others left out"));
+        }
         openings::orient(scene, &mut portals)?;
         let portals = &portals[..];
         surface.keep_inside(portals);

@@ -158,7 +158,7 @@ fn pieces(portal: &Portal, longest: f32, room: usize) -> Option<Vec<Portal>> {
     Some(done.into_iter().enumerate().filter_map(named).collect())
 }
 
-type Triangles = Vec<[Vec3; 3]>;
+pub(super) type Triangles = Vec<[Vec3; 3]>;
 
 /// Triangles that hang together by corners.
 pub(super) fn windows(triangles: &[[Vec3; 3]]) -> Vec<Triangles> {
@@ -248,7 +248,7 @@ fn longer_side(triangles: &[[Vec3; 3]]) -> Vec3 {
 }
 
 /// What of a triangle lies where `height` is not negative, as triangles.
-fn clipped(t: &[Vec3; 3], height: impl Fn(Vec3) -> f32) -> Triangles {
+pub(super) fn clipped(t: &[Vec3; 3], height: impl Fn(Vec3) -> f32) -> Triangles {
     let h = t.map(&height);
     let mut ring = Vec::new();
     for i in 0..3 {

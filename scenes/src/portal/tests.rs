@@ -313,3 +313,33 @@ fn sidecar_lies_beside_the_scene() {
         assert_eq!(sidecar_path(scene), std::path::Path::new(path));
     }
 }
+
+fn square(corner: Vec3, u: Vec3, v: Vec3) -> Vec<Vec3> {
+    vec![corner, corner + u, corner + u + v, corner + v]
+}
+
+#[test]
+fn panes_in_the_place_of_others_are_left_out() {
+    let pane = square(Vec3::new(1.0, 2.0, 3.0), 2.0 * Vec3::X, 1.5 * Vec3::new(0.0, 0.6, 0.8));
+    // From the other side, cut along the other diagonal.
+    let back: Vec<Vec3> = [3, 2, 1, 0].map(|i| pane[i]).to_vec();
+    let beside = square(pane[1], Vec3::X, pane[3] - pane[0]);
+    let behind: Vec<Vec3> = pane.iter().map(|p| *p + Vec3::new(0.0, 0.008, -0.006)).collect();
+    let portal = |polygons: &[Vec<Vec3>]| Portal::from_polygons("glass", polygons, Vec3::ONE).unwrap();
+    let single = portal(&[pane.clone(), beside.clone(), behind.clone()]);
+    let (kept, n) = without_doubled(std::slice::from_ref(&single)).unwrap();
+    assert_eq!((&kept[..], n), (&[single.clone()][..], 0), "neighbours and double glazing stay");
+    let doubled = portal(&[pane.clone(), beside.clone(), behind.clone(), back.clone(), beside.clone()]);
+    assert_eq!(without_doubled(&[doubled]).unwrap(), (vec![single], 4));
+
+    let named = |name: &str, polygon: &Vec<Vec3>| {
+        Portal::from_polygons(name, std::slice::from_ref(polygon), Vec3::ONE).unwrap()
+    };
+    let error = without_doubled(&[named("west", &pane), named("east", &back)]).unwrap_err().to_string();
+    assert!(error.contains("'east'") && error.contains("leave it out"), "{error}");
+    let shifted: Vec<Vec3> = pane.iter().map(|p| *p + 0.5 * Vec3::X).collect();
+    let error = without_doubled(&[named("west", &pane), named("east", &shifted)]).unwrap_err().to_string();
+    assert!(error.contains("'east'") && error.contains("'west'") && error.contains("m²"), "{error}");
+    let hair: Vec<Vec3> = pane.iter().map(|p| *p + 2.002 * Vec3::X - 0.004 * Vec3::X).collect();
+    assert_eq!(without_doubled(&[named("west", &pane), named("east", &hair)]).unwrap().1, 0, "2 mm of 2 m");
+}

@@ -7,6 +7,7 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3, vec2, vec3};
 use lunette_bake::{Options, PortalOptions, Silent, bake_portals};
 use lunette_relight::indirect::Indirect;
+use lunette_scenes::Portal;
 use lunette_tests::baked::light;
 use lunette_tests::closed_form::{facing_rectangle, over_corners, upright_rectangle};
 use lunette_tests::interior::{
@@ -130,6 +131,22 @@ fn distance_to_a_window_may_go_to_nothing() {
         // The others, a square millimetre each, hide at most 1e-6 / (2e-1)² of it.
         assert!((f64::from(e[v].x) / closed - 1.0).abs() < 1e-3, "{z} m: {} {closed}", e[v].x);
     }
+}
+
+#[test]
+fn pane_given_from_both_sides_lights_once() {
+    let interior = room_with(Window::square(1.5), 6, 0.5);
+    let mut twice = room_with(Window::square(1.5), 6, 0.5);
+    // The other way round, and cut along the other diagonal.
+    let mut back = twice.portals[0].convex_polygons();
+    back.iter_mut().for_each(|polygon| polygon.reverse());
+    let back = Portal::from_polygons("back", &back, Vec3::ONE).expect("an area");
+    twice.portals[0].triangles.extend(back.triangles);
+    let bytes = |interior: &Interior| {
+        let options = Options { bounces: 1, rays: 64, ..direct_options() };
+        interior.bake(&options).to_bytes().expect("bytes")
+    };
+    assert!(bytes(&interior) == bytes(&twice), "the same light, to the bit");
 }
 
 #[test]
