@@ -1,6 +1,6 @@
 //! How far the work is, on stderr; and Ctrl-C.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, Once};
 use std::time::{Duration, Instant};
@@ -21,7 +21,8 @@ pub fn set_quiet(quiet: bool) {
 /// A line for the user, unless `--quiet`.
 pub fn say(line: &str) {
     if !QUIET.load(Ordering::Relaxed) {
-        eprintln!("{line}");
+        // Who no longer reads what is said still wants the work done.
+        let _ = writeln!(std::io::stderr(), "{line}");
     }
 }
 

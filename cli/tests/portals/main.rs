@@ -173,6 +173,19 @@ fn refined_bake_is_continued_by_a_refined_bake() {
     assert!(bake(&[&more[..], &["--refine", "2"]].concat()).status.success());
 }
 
+/// As of a terminal that went away.
+#[test]
+fn bake_whose_messages_nobody_reads_is_finished() {
+    let folder = Folder::new();
+    folder.room();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lunette"));
+    command.args(["bake", "room.obj", "--portal", "glass*", "--rays", "32", "--bounces", "0"]);
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let status = command.current_dir(folder.0.path()).stderr(writer).status().unwrap();
+    assert!(status.success() && folder.path("room.safetensors").exists(), "{status}");
+}
+
 #[test]
 fn hole_lights_the_room_as_its_pane_did() {
     let folder = Folder::new();
