@@ -30,10 +30,10 @@ use lunette_scenes::Scene;
 use rayon::prelude::*;
 
 use crate::fill;
-use crate::gather::{lane_of, nearest_vertex, packet};
+use crate::gather::{lane_of, packet};
 use crate::glossy::vertex_reflectance;
 use crate::sampling::{HemisphereSets, LANES as RAYS, hash};
-use crate::smooth::Smoother;
+use crate::smooth::{REGIONS, Shares, Smoother};
 use crate::{Error, Options, Progress, Surface};
 use links::{Linker, Links};
 pub use tree::Tree;
@@ -97,7 +97,8 @@ pub fn carrier(
     let n_vertices = scene.mesh.position.len();
     let area = scene.mesh.vertex_area();
     let most = options.patches.min(n_vertices.div_ceil(4)).max(1);
-    let tree = Tree::new(scene, &sizes(&area), lie.uniform, lie.unlit, most);
+    let cut = |most| Tree::new(scene, &sizes(&area), lie.uniform, lie.unlit, most);
+    let tree = cut(most);
     let leaf = tree.leaf_of_vertices();
     let rays = options.rays.max(FEWEST_RAYS).next_multiple_of(RAYS);
     let sets = HemisphereSets::new(rays, hash(options.seed, 0xf1));
@@ -111,10 +112,23 @@ pub fn carrier(
     let reached = patches.reached(&rows, lie.uniform);
     let linker = Linker { tree: &tree, bright: patches.brightness(lie.uniform), n_links: options.links };
     let sees_light = |v: usize| rows.of(v).any(|(p, _)| reached[p]);
+    // A patch lies in one of the first few parts that the surface is cut into.
+    let region_of_vertex = cut(REGIONS.min(most)).leaf_of_vertices();
+    let region: Vec<usize> = patches
+        .members
+        .iter()
+        .map(|list| list.first().and_then(|&v| region_of_vertex[v]).map_or(0, usize::from))
+        .collect();
+    let shares = |v: usize| {
+        let mut shares = [0.0; REGIONS];
+        rows.of(v).for_each(|(p, share)| shares[region[p]] += share);
+        shares
+    };
+    let seen: Vec<Shares> = (0..n_vertices).into_par_iter().map(shares).collect();
     let of_vertex = |&v: &usize, dense: &mut [f32]| {
         // Not a trace of light where none can come.
         if sees_light(donors[v]) {
-            for (u, weight) in lie.smoother.kernel(donors[v]) {
+            for (u, weight) in lie.smoother.kernel(donors[v], &seen, sets.n_rays()) {
                 rows.of(u as usize).for_each(|(p, share)| dense[p] += weight * share);
             }
         }
@@ -168,7 +182,7 @@ fn expected_reflectance(scene: &Scene) -> Vec<f32> {
 
 /// What counts in the cutting of patches, of each vertex: half its part of the area, half its part of all vertices, which
 /// are closer together where there is more to see.
-pub fn sizes(area: &[f32]) -> Vec<f32> {
+fn sizes(area: &[f32]) -> Vec<f32> {
     let whole: f64 = area.iter().map(|a| f64::from(*a)).sum();
     let mean = (whole / area.len().max(1) as f64) as f32;
     area.iter().map(|a| 0.5 * (a + mean)).collect()
@@ -246,7 +260,10 @@ fn row(
             if lane_of(&world, lane).dot(Vec3::from(hit.normal)) >= 0.0 {
                 continue;
             }
-            if let Some(p) = leaf[nearest_vertex(surface, &hit)] {
+            let corners = surface.mesh.index[hit.primitive as usize];
+            let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+            let nearest = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
+            if let Some(p) = leaf[corners[nearest] as usize] {
                 let sum = &mut dense[usize::from(p)];
                 if *sum == 0.0 {
                     touched.push(p);

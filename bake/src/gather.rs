@@ -212,13 +212,6 @@ pub fn lane_of(world: &[[f32; LANES]; 3], lane: usize) -> Vec3 {
     Vec3::new(world[0][lane], world[1][lane], world[2][lane])
 }
 
-/// The corner of the triangle that was hit, to which it is nearest.
-pub fn nearest_vertex(surface: &Surface, hit: &ffi::Hit) -> usize {
-    let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-    let corner = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
-    surface.mesh.index[hit.primitive as usize][corner] as usize
-}
-
 /// Adds the rays of a packet that see the sky.
 fn see(order: usize, local: &Directions, world: &[[f32; LANES]; 3], sees: [bool; LANES], sums: &mut Sums) {
     if !sees.contains(&true) {

@@ -16,7 +16,7 @@ use crate::fill::{self, Donors};
 use crate::gather::{AO, Arriving, BENT, Many, OPEN, Pass, SH, bounced, buried, direct, direct_width};
 use crate::rows::{self, Aim, Opening, Row, Stage};
 use crate::sampling::{HemisphereSets, hash};
-use crate::smooth::Smoother;
+use crate::smooth::{self, Smoother};
 use crate::{Basis, Error, Options, Progress, Surface};
 
 /// One in so many rays is also asked what it meets, but not fewer than this many.
@@ -107,7 +107,8 @@ impl<'a> Work<'a> {
         let width = direct_width(self.order);
         let uniform: Vec<f32> = direct.chunks_exact(width).map(|r| std::f32::consts::PI * r[AO]).collect();
         let unlit = vec![false; uniform.len()];
-        let smoother = Smoother::new(scene, (self.surface, None), self.options, &unlit, self.progress)?;
+        let sets = HemisphereSets::new(BURIAL_RAYS, hash(self.options.seed, u64::MAX));
+        let smoother = Smoother::new(&scene.mesh, &smooth::reach(self.surface, None, &sets, &[]));
         let lie = Lie { buried: &donors.filled(), unlit: &unlit, uniform: &uniform, smoother: &smoother };
         carrier(scene, self.surface, self.options, &lie, self.progress)?.insert_into(asset);
         Ok(())

@@ -9,98 +9,54 @@
 //! In a corner R is small, and nothing is averaged. Sums over the whole surface are kept only nearly.
 //!
 //! That is true of light that comes from everywhere alike. Beside something bright and small in an empty room R is large, and
-//! the average would spread its light. So the surface is cut into some regions, and a vertex is averaged over no more rings of
-//! neighbours than leave it the share s of its hemisphere that each of them fills, but for noise: of n stratified rays,
-//! those on the region's edge count by chance, about √(s n) of them, so that a change δ from the average is noise while
+//! the average would spread its light. Where it is known what the rays of vertices meet ([`Smoother::kernel`]), the surface is cut
+//! into some regions, and a vertex is averaged over no more rings of neighbours than leave it the share s of its hemisphere that
+//! each of them fills, but for noise: of n stratified rays, those on the region's edge count by chance, about √(s n) of them,
+//! so that a change δ from the average is noise while
 //!
 //! δ² <= c √(s n) / n² ((1 - w)² + Σ w'²),
 //!
 //! with the weights of the vertex itself and of its neighbours in it. Where the light of neighbours grows evenly across a vertex,
-//! nothing changes.
+//! nothing changes. Rows of SH are averaged over all rings: their noise is that of bright places, not of regions, and they
+//! are for smooth skies.
 //!
 //! Based on: G. Ward, F. Rubinstein, R. Clear, A Ray Tracing Solution for Diffuse Interreflection, 1988 (equation 3);
 //! D. P. Mitchell, Consequences of Stratified Sampling in Graphics, 1996 (the noise).
 
-use glam::Vec3;
 use lunette_ffi as ffi;
-use lunette_scenes::{Mesh, Scene};
+use lunette_scenes::Mesh;
 use rayon::prelude::*;
 
-use crate::carrier::{Tree, sizes};
-use crate::gather::{lane_of, nearest_vertex, packet};
+use crate::Surface;
+use crate::gather::{lane_of, packet};
 use crate::portal::Gates;
-use crate::sampling::{HemisphereSets, LANES, hash};
-use crate::{Error, Options, Progress, Surface};
+use crate::sampling::{HemisphereSets, LANES};
 
 /// Ward's a: the change that is let pass.
 const CHANGE: f32 = 0.4;
 
 /// Rings of neighbours that a vertex reaches.
-const RINGS: u8 = 3;
-
-/// Rays by which vertices are compared: as many as of the rows, but not more than this.
-const MOST_RAYS: usize = 4096;
-
-/// Vertices looked from between two looks at the progress.
-const BLOCK: usize = 4096;
+const RINGS: usize = 3;
 
 /// Regions of the surface.
-const REGIONS: usize = 32;
+pub const REGIONS: usize = 32;
 
 /// c: four standard errors.
 const DOUBT: f32 = 16.0;
+
+/// The share of a vertex's hemisphere that each region fills.
+pub type Shares = [f32; REGIONS];
 
 /// Averages over neighbours.
 pub struct Smoother {
     /// Of vertex v: from\[v\]..from\[v + 1\] in the list.
     from: Vec<usize>,
     list: Vec<(u32, f32)>,
-    /// Of each vertex, up to [`RINGS`].
-    rings: Vec<u8>,
-}
-
-/// What rays of a vertex see: R, metres, and the share of each region.
-struct Seen {
-    reach: f32,
-    shares: [f32; REGIONS],
 }
 
 impl Smoother {
-    /// By rays that end at a portal's edge as bounced light does; `skip` says of whom nobody asks.
-    ///
-    /// # Errors
-    /// [`Error::Cancelled`].
-    pub fn new(
-        scene: &Scene,
-        (surface, gates): (&Surface, Option<&Gates>),
-        options: &Options,
-        skip: &[bool],
-        progress: &dyn Progress,
-    ) -> Result<Smoother, Error> {
-        let mesh = &scene.mesh;
-        let n_vertices = mesh.position.len();
-        let tree = Tree::new(scene, &sizes(&mesh.vertex_area()), &vec![0.0; n_vertices], skip, REGIONS);
-        let region = tree.leaf_of_vertices();
-        let sets = HemisphereSets::new(options.rays.min(MOST_RAYS), hash(options.seed, u64::MAX));
-        let look = |v: usize| if skip[v] { Seen::NOTHING } else { look(surface, gates, &sets, &region, v) };
-        let rays = |n_vertices: usize| (n_vertices * sets.n_rays()) as u64;
-        let mut seen = Vec::with_capacity(n_vertices);
-        for first in (0..n_vertices).step_by(BLOCK) {
-            if progress.cancelled() {
-                return Err(Error::Cancelled);
-            }
-            let end = n_vertices.min(first + BLOCK);
-            seen.par_extend((first..end).into_par_iter().map(look));
-            progress.report("likeness of neighbours", rays(end), rays(n_vertices));
-        }
-        let mut smoother = Smoother::within(mesh, &seen.iter().map(|s| s.reach).collect::<Vec<_>>());
-        let rings = |v: usize| smoother.rings_of(v, &seen, sets.n_rays() as f32);
-        smoother.rings = (0..n_vertices).into_par_iter().map(rings).collect();
-        Ok(smoother)
-    }
-
-    /// Over all rings; `reach` is R of each vertex, metres.
-    fn within(mesh: &Mesh, reach: &[f32]) -> Smoother {
+    /// `reach` is R of each vertex, metres.
+    pub fn new(mesh: &Mesh, reach: &[f32]) -> Smoother {
         let mut pairs: Vec<(u32, u32)> = mesh
             .index
             .iter()
@@ -115,11 +71,9 @@ impl Smoother {
             let near = if r > 0.0 { (1.0 - d / (CHANGE * r)).max(0.0) } else { 0.0 };
             near * mesh.normal[v].dot(mesh.normal[u]).max(0.0)
         };
-        let n_vertices = mesh.position.len();
-        let mut smoother =
-            Smoother { from: vec![0; n_vertices + 1], list: Vec::new(), rings: vec![RINGS; n_vertices] };
+        let mut smoother = Smoother { from: vec![0; mesh.position.len() + 1], list: Vec::new() };
         let mut at = 0;
-        for v in 0..n_vertices {
+        for v in 0..mesh.position.len() {
             while at < pairs.len() && pairs[at].0 as usize == v {
                 let w = weight(&pairs[at]);
                 if w > 0.0 {
@@ -132,28 +86,27 @@ impl Smoother {
         smoother
     }
 
-    /// How many rings leave a vertex what it sees of each region.
-    fn rings_of(&self, v: usize, seen: &[Seen], n_rays: f32) -> u8 {
-        let keeps = |rings: u8| {
+    /// Of which vertices' rows, and with what weights, the row of `v` is made, over no more rings than leave it what it sees,
+    /// by `n_rays` rays each; rising.
+    pub fn kernel(&self, v: usize, seen: &[Shares], n_rays: usize) -> Vec<(u32, f32)> {
+        let n_rays = n_rays as f32;
+        let keeps = |kernel: &Vec<(u32, f32)>| {
             let (mut mean, mut weights) = ([0.0; REGIONS], 0.0);
-            for (u, w) in self.kernel_of(v, rings) {
-                mean.iter_mut().zip(&seen[u as usize].shares).for_each(|(mean, share)| *mean += w * share);
+            for &(u, w) in kernel {
+                mean.iter_mut().zip(&seen[u as usize]).for_each(|(mean, share)| *mean += w * share);
                 weights += if u as usize == v { (1.0 - w) * (1.0 - w) } else { w * w };
             }
-            seen[v].shares.iter().zip(mean).all(|(own, mean)| {
+            seen[v].iter().zip(mean).all(|(own, mean)| {
                 let on_edge = (mean.min(1.0 - mean) * n_rays).max(1.0).sqrt();
                 (own - mean) * (own - mean) <= DOUBT * weights * on_edge / (n_rays * n_rays)
             })
         };
-        (1..=RINGS).rev().find(|&rings| keeps(rings)).unwrap_or(0)
+        let kernels = (1..=RINGS).rev().map(|rings| self.kernel_over(v, rings));
+        kernels.into_iter().find(keeps).unwrap_or_else(|| self.kernel_over(v, 0))
     }
 
-    /// Of which vertices' rows, and with what weights, [`apply`](Self::apply) makes the row of `v`; rising.
-    pub fn kernel(&self, v: usize) -> Vec<(u32, f32)> {
-        self.kernel_of(v, self.rings[v])
-    }
-
-    fn kernel_of(&self, v: usize, rings: u8) -> Vec<(u32, f32)> {
+    /// Of which vertices' rows, and with what weights, as many averages over neighbours make the row of `v`; rising.
+    fn kernel_over(&self, v: usize, rings: usize) -> Vec<(u32, f32)> {
         let mut kernel = vec![(v as u32, 1.0)];
         for _ in 0..rings {
             let mut next = Vec::with_capacity(8 * kernel.len());
@@ -177,64 +130,46 @@ impl Smoother {
     }
 
     /// Averages rows, \[V, width\].
-    pub fn apply(&self, rows: &mut [f32], width: usize) {
-        let mut last = rows.to_vec();
-        for ring in 1..=RINGS {
-            let mut next = vec![0.0; last.len()];
+    pub fn apply(&self, rows: &mut Vec<f32>, width: usize) {
+        for _ in 0..RINGS {
+            let mut next = vec![0.0; rows.len()];
             next.par_chunks_mut(width).enumerate().for_each(|(v, out)| {
                 let neighbours = &self.list[self.from[v]..self.from[v + 1]];
                 let per_weight = 1.0 / (1.0 + neighbours.iter().map(|n| n.1).sum::<f32>());
                 let own = (v as u32, 1.0);
                 for (u, w) in std::iter::once(&own).chain(neighbours) {
-                    let row = &last[*u as usize * width..][..width];
+                    let row = &rows[*u as usize * width..][..width];
                     out.iter_mut().zip(row).for_each(|(o, r)| *o += w * per_weight * r);
                 }
             });
-            let both = rows.chunks_exact_mut(width).zip(next.chunks_exact(width));
-            for ((row, next), rings) in both.zip(&self.rings) {
-                if ring <= *rings {
-                    row.copy_from_slice(next);
-                }
-            }
-            last = next;
+            *rows = next;
         }
     }
 }
 
-impl Seen {
-    const NOTHING: Seen = Seen { reach: 0.0, shares: [0.0; REGIONS] };
-}
-
-/// What a vertex sees; R is endless where its rays meet nothing.
-fn look(
-    surface: &Surface,
-    gates: Option<&Gates>,
-    sets: &HemisphereSets,
-    region: &[Option<u16>],
-    v: usize,
-) -> Seen {
-    let (set, frame) = sets.at(v, surface.mesh.normal[v]);
-    let (mut inverse, mut all, mut shares) = (0.0, 0.0, [0.0; REGIONS]);
-    for local in set {
-        let (mut rays, world) = packet(surface.origin[v], &frame, local);
-        let mut hits = ffi::Hits::<LANES>::default();
-        surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
-        for (lane, z) in local.z.into_iter().enumerate() {
-            let hit = hits.get(&rays, lane);
-            let wall = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
-            let d = lane_of(&world, lane);
-            let pane = gates.and_then(|gates| gates.way(surface.origin[v], d)).unwrap_or(f32::INFINITY);
-            inverse += 1.0 / wall.min(pane).max(surface.lift);
-            all += z;
-            let Some(hit) = hit.filter(|hit| wall <= pane && d.dot(Vec3::from(hit.normal)) < 0.0) else {
-                continue;
-            };
-            if let Some(region) = region[nearest_vertex(surface, &hit)] {
-                shares[usize::from(region)] += z;
+/// Harmonic mean of the distances that rays of each vertex go, to a surface or a portal, metres: bounced light ends at a
+/// portal's edge. Endless where they meet nothing, 0 where `skip` says that nobody asks.
+pub fn reach(surface: &Surface, gates: Option<&Gates>, sets: &HemisphereSets, skip: &[bool]) -> Vec<f32> {
+    let of = |v: usize| {
+        if skip.get(v) == Some(&true) {
+            return 0.0;
+        }
+        let (set, frame) = sets.at(v, surface.mesh.normal[v]);
+        let mut inverse = 0.0;
+        for local in set {
+            let (mut rays, world) = packet(surface.origin[v], &frame, local);
+            let mut hits = ffi::Hits::<LANES>::default();
+            surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
+            for lane in 0..LANES {
+                let wall = hits.get(&rays, lane).map_or(f32::INFINITY, |hit| hit.t);
+                let d = lane_of(&world, lane);
+                let pane = gates.and_then(|gates| gates.way(surface.origin[v], d)).unwrap_or(f32::INFINITY);
+                inverse += 1.0 / wall.min(pane).max(surface.lift);
             }
         }
-    }
-    Seen { reach: sets.n_rays() as f32 / inverse, shares: shares.map(|share| share / all) }
+        sets.n_rays() as f32 / inverse
+    };
+    (0..surface.origin.len()).into_par_iter().map(of).collect()
 }
 
 #[cfg(test)]
@@ -256,7 +191,7 @@ mod tests {
     #[test]
     fn constant_rows_stay_and_noise_falls() {
         let n = 400;
-        let smoother = Smoother::within(&strip(n), &vec![100.0; n]);
+        let smoother = Smoother::new(&strip(n), &vec![100.0; n]);
         let mut rows: Vec<f32> = (0..n)
             .flat_map(|i| [2.0, (crate::sampling::hash(3, i as u64) >> 40) as f32 / (1 << 24) as f32])
             .collect();
@@ -272,12 +207,12 @@ mod tests {
     fn kernel_of_a_vertex_is_what_rows_are_averaged_by() {
         let n = 12;
         let reach: Vec<f32> = (0..n).map(|i| 2.0 + i as f32).collect();
-        let smoother = Smoother::within(&strip(n), &reach);
+        let smoother = Smoother::new(&strip(n), &reach);
         let given: Vec<f32> = (0..n).map(|i| (i as f32 * 1.7).sin()).collect();
         let mut rows = given.clone();
         smoother.apply(&mut rows, 1);
         for (v, row) in rows.iter().enumerate() {
-            let sum: f32 = smoother.kernel(v).iter().map(|(u, w)| w * given[*u as usize]).sum();
+            let sum: f32 = smoother.kernel_over(v, RINGS).iter().map(|(u, w)| w * given[*u as usize]).sum();
             // f32 sums of up to seven numbers below one.
             assert!((sum - row).abs() < 1e-6, "{sum} {row}");
         }
@@ -286,26 +221,28 @@ mod tests {
     #[test]
     fn rings_end_where_they_would_change_what_is_seen() {
         let n = 41;
-        let smoother = Smoother::within(&strip(n), &vec![100.0; n]);
-        let rings = |share: &dyn Fn(usize) -> f32, n_rays: f32| -> Vec<u8> {
-            let of = |v: usize| Seen { shares: std::array::from_fn(|_| share(v)), ..Seen::NOTHING };
-            let seen: Vec<Seen> = (0..n).map(of).collect();
-            // Ends of the strip have neighbours on one side.
-            (RINGS.into()..n - usize::from(RINGS)).map(|v| smoother.rings_of(v, &seen, n_rays)).collect()
+        let smoother = Smoother::new(&strip(n), &vec![100.0; n]);
+        let rings = |share: &dyn Fn(usize) -> f32, n_rays: usize| -> Vec<usize> {
+            let seen: Vec<Shares> = (0..n).map(|v| [share(v); REGIONS]).collect();
+            // Ends of the strip have neighbours on one side. Over r rings 2 r + 1 vertices count.
+            (RINGS..n - RINGS).map(|v| (smoother.kernel(v, &seen, n_rays).len() - 1) / 2).collect()
         };
-        assert!(rings(&|v| 0.1 + 0.01 * v as f32, 1e6).iter().all(|r| *r == RINGS), "a slope stays a slope");
+        assert!(
+            rings(&|v| 0.1 + 0.01 * v as f32, 1_000_000).iter().all(|r| *r == RINGS),
+            "a slope stays a slope"
+        );
         let peak = |v: usize| if v == 20 { 0.2 } else { 0.1 };
-        let found = rings(&peak, 1024.0);
+        let found = rings(&peak, 1024);
         // Noise of 10 hits of a hundred is a third of a percent of all, four of which a peak of ten is above.
         assert_eq!(found[17], 0, "{found:?}");
         assert!(found[..10].iter().all(|r| *r == RINGS), "{found:?}");
-        assert!(rings(&peak, 16.0).iter().all(|r| *r == RINGS), "as little as that is noise");
+        assert!(rings(&peak, 16).iter().all(|r| *r == RINGS), "as little as that is noise");
     }
 
     #[test]
     fn corners_are_left_alone() {
         let n = 9;
-        let smoother = Smoother::within(&strip(n), &vec![2.0; n]);
+        let smoother = Smoother::new(&strip(n), &vec![2.0; n]);
         let mut rows: Vec<f32> = (0..n).map(|i| i as f32 * i as f32).collect();
         smoother.apply(&mut rows, 1);
         assert_eq!(rows, (0..n).map(|i| (i * i) as f32).collect::<Vec<_>>());

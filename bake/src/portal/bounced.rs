@@ -122,7 +122,7 @@ impl Work<'_> {
                 self.pass(k, &columns, (1, 1), (&all, before_last), &self.unlit)?
             }
         };
-        self.smoother()?.apply(&mut rows, 3 * columns.len());
+        self.smoother.apply(&mut rows, 3 * columns.len());
         Ok(rows)
     }
 

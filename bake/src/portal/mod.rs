@@ -16,7 +16,6 @@ mod resume;
 mod reveal;
 
 use std::borrow::Cow;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::Vec3;
@@ -33,7 +32,7 @@ use crate::gather::buried;
 use crate::glossy;
 use crate::rows::{self, Aim, Opening, Row, Stage};
 use crate::sampling::{HemisphereSets, hash};
-use crate::smooth::Smoother;
+use crate::smooth::{self, Smoother};
 use crate::{Basis, Error, Options, Progress, Surface, mesh_asset, openings};
 pub use gate::Gates;
 use reveal::reveals;
@@ -129,6 +128,8 @@ fn bake(
         let sets = HemisphereSets::new(BURIAL_RAYS, hash(options.seed, u64::MAX));
         let owners = outside::owners(&surface, &gates, portals, options.seed);
         let unlit = outside::unlit(&surface, &gates, &owners, &sets);
+        let reach = smooth::reach(&surface, Some(&gates), &sets, &unlit);
+        let smoother = Smoother::new(&scene.mesh, &reach);
         let lit: Vec<usize> = (0..scene.mesh.position.len()).filter(|&v| !unlit[v]).collect();
         let buried = buried(&surface, &sets, &lit);
         let donors = fill::donors(&scene.mesh, &buried);
@@ -144,7 +145,7 @@ fn bake(
             buried,
             owners,
             unlit,
-            smoother: OnceLock::new(),
+            smoother,
             earlier,
         };
         work.run()
@@ -176,8 +177,7 @@ struct Work<'a> {
     owners: Vec<u32>,
     /// Vertices outside that are seen from none.
     unlit: Vec<bool>,
-    /// Made when the first bounced light needs it.
-    smoother: OnceLock<Smoother>,
+    smoother: Smoother,
     /// What there is already.
     earlier: Option<&'a Asset<'a>>,
 }
@@ -317,15 +317,6 @@ impl Work<'_> {
         Ok(())
     }
 
-    fn smoother(&self) -> Result<&Smoother, Error> {
-        if let Some(smoother) = self.smoother.get() {
-            return Ok(smoother);
-        }
-        let surface = (self.surface, Some(self.gates));
-        let smoother = Smoother::new(self.scene, surface, self.options, &self.unlit, self.progress)?;
-        Ok(self.smoother.get_or_init(|| smoother))
-    }
-
     fn insert_carrier(&self, asset: &mut Asset<'static>) -> Result<(), Error> {
         if self.options.bounces == 0 || !self.options.has(Basis::DirectToIndirect) {
             return Ok(());
@@ -341,8 +332,8 @@ impl Work<'_> {
             let lit = self.response(k, asset, |_| [1.0; 3]);
             uniform.iter_mut().zip(lit).for_each(|(sum, e)| *sum += e[0]);
         }
-        let smoother = self.smoother()?;
-        let lie = Lie { buried: &self.buried, unlit: &self.unlit, uniform: &uniform, smoother };
+        let lie =
+            Lie { buried: &self.buried, unlit: &self.unlit, uniform: &uniform, smoother: &self.smoother };
         carrier(self.scene, self.surface, self.options, &lie, self.progress)?.insert_into(asset);
         Ok(())
     }

@@ -1,11 +1,9 @@
 //! Bounced light: one way against another, by energy, and the same bytes from any number of threads.
 
-use std::collections::BTreeSet;
 use std::f32::consts::PI;
-use std::sync::Mutex;
 
 use glam::Vec3;
-use lunette_bake::{Basis, Error, Options, PortalOptions, Progress, Start, bake_portals};
+use lunette_bake::{Basis, Options, PortalOptions, Start};
 use lunette_relight::indirect::Indirect;
 use lunette_tests::baked::light;
 use lunette_tests::interior::{Interior, Window, bounced_options, built, lit, room_with};
@@ -114,39 +112,4 @@ fn portal_bytes_do_not_depend_on_the_number_of_threads() {
     let one = bytes(1, 1);
     assert!(bytes(3, 1) == one, "three threads give other bytes than one");
     assert!(bytes(3, 2) != one, "the seed does nothing");
-}
-
-/// Notes the stages of a bake, and stops it in one of them.
-struct Stages {
-    seen: Mutex<BTreeSet<String>>,
-    last: &'static str,
-}
-
-impl Progress for Stages {
-    fn report(&self, stage: &str, _done: u64, _total: u64) {
-        self.seen.lock().unwrap().insert(stage.to_string());
-    }
-
-    fn cancelled(&self) -> bool {
-        self.seen.lock().unwrap().contains(self.last)
-    }
-}
-
-#[test]
-fn neighbours_are_compared_where_light_bounces_and_no_longer_than_asked() {
-    const STAGE: &str = "likeness of neighbours";
-    let interior = room_with(Window::square(1.5), 24, 0.6);
-    let bake = |bounces, last| {
-        let stages = Stages { seen: Mutex::default(), last };
-        let options = Options { bounces, rays: 16, ..bounced_options() };
-        let portal_options = PortalOptions::default();
-        let result = bake_portals(&interior.scene, &interior.portals, &options, &portal_options, &stages);
-        (result, stages.seen.into_inner().unwrap())
-    };
-    let (direct, seen) = bake(0, "none");
-    assert!(direct.is_ok() && !seen.contains(STAGE) && !seen.is_empty(), "{seen:?}");
-    let (bounced, seen) = bake(1, "none");
-    assert!(bounced.is_ok() && seen.contains(STAGE), "{seen:?}");
-    let (stopped, seen) = bake(1, STAGE);
-    assert!(matches!(stopped, Err(Error::Cancelled)) && seen.contains(STAGE), "{seen:?}");
 }
