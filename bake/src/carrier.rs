@@ -125,10 +125,11 @@ pub fn carrier(
         shares
     };
     let seen: Vec<Shares> = (0..n_vertices).into_par_iter().map(shares).collect();
+    let rings = lie.smoother.rings(&seen, sets.n_rays());
     let of_vertex = |&v: &usize, dense: &mut [f32]| {
         // Not a trace of light where none can come.
         if sees_light(donors[v]) {
-            for (u, weight) in lie.smoother.kernel(donors[v], &seen, sets.n_rays()) {
+            for (u, weight) in lie.smoother.kernel(donors[v], rings[donors[v]]) {
                 rows.of(u as usize).for_each(|(p, share)| dense[p] += weight * share);
             }
         }
