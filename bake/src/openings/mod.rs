@@ -21,6 +21,8 @@ mod grid;
 mod inside;
 mod outline;
 mod panes;
+mod parted;
+mod raster;
 mod rays;
 mod sides;
 #[cfg(test)]
@@ -31,6 +33,7 @@ use lunette_scenes::{Portal, Scene};
 use rayon::prelude::*;
 
 pub use inside::inside;
+pub use parted::parted;
 pub use sides::{leak_share, orient};
 
 use crate::{Error, Progress};

@@ -122,6 +122,11 @@ fn bake(
             progress.note(&format!("portals: {n_doubled} triangles in the place of others left out"));
         }
         openings::orient(scene, &mut portals)?;
+        let (portals, n_parted) = openings::parted(scene, &portals)?;
+        if n_parted > 0 {
+            let n_panes: usize = portals.iter().map(|p| p.polygons().len()).sum();
+            progress.note(&format!("portals: bars part {n_parted} windows; {n_panes} panes in all"));
+        }
         let portals = &portals[..];
         surface.keep_inside(portals);
         let gates = Gates::new(portals)?;

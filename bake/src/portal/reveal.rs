@@ -38,7 +38,7 @@ const JUMP: f32 = 0.02;
 const FARTHEST: f32 = 4.0;
 
 /// The ends found along an edge agree within this part of the pane's size.
-const AGREE: f32 = 2e-3;
+const AGREE: f32 = 8e-3;
 
 /// Rays by which a wall is put to the test.
 const TRIALS: usize = 128;
