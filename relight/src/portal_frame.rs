@@ -25,7 +25,7 @@
 //! |---|---|---|
 //! | `portal.k.corner` | f32 \[C,3\] | corners of convex polygons, metres, counter-clockwise as seen from inside |
 //! | `portal.k.polygon` | u32 \[M+1\] | polygon i has the corners `polygon[i]..polygon[i + 1]` |
-//! | `portal.k.reveal` | f32 \[C,4\] | how deep the wall is outside and inside of the edge from each corner to the next ([`Reveal`]), metres; may be absent |
+//! | `portal.k.reveal` | f32 \[C,S,4\] | how deep the wall is outside and inside of the edge from each corner to the next, in up to S steps ([`Reveal`]), metres; may be absent, or \[C,4\] |
 //! | `portal.k.open` | u32 | vertices outside of it, which see the sky past it; rising |
 //!
 //! by which a sun is sharper than a texel ([`PortalFrame::set_shell_with_discs`]), and than the mesh ([`Detail`]).

@@ -71,7 +71,8 @@ pub fn parted(scene: &Scene, portals: &[Portal]) -> Result<(Vec<Portal>, usize),
         for window in portal.windows() {
             let panes = Window::new(&rays, &window).and_then(|w| w.panes());
             n_parted += usize::from(panes.is_some());
-            let panes = panes.and_then(|panes| Portal::from_polygons(&portal.name, &panes, portal.transmission));
+            let panes =
+                panes.and_then(|panes| Portal::from_polygons(&portal.name, &panes, portal.transmission));
             triangles.extend(panes.unwrap_or(window).triangles);
         }
         Portal::new(&portal.name, triangles, portal.transmission).unwrap_or_else(|| portal.clone())
@@ -168,7 +169,8 @@ impl<'a> Window<'a> {
             }
         }
         let height = |i: usize| self.reach * (2.0 * (i as f32 + 0.5) / HEIGHTS as f32 - 1.0);
-        let within = |at: Vec2| -> Vec<bool> { (0..HEIGHTS).map(|i| self.is_within(at, height(i))).collect() };
+        let within =
+            |at: Vec2| -> Vec<bool> { (0..HEIGHTS).map(|i| self.is_within(at, height(i))).collect() };
         let within: Vec<Vec<bool>> = beside.iter().map(|at| within(*at)).collect();
         let counts: Vec<usize> = (0..HEIGHTS).map(|i| within.iter().filter(|w| w[i]).count()).collect();
         let most = *counts.iter().max()?;
@@ -243,7 +245,11 @@ impl Height {
     fn with(&self, tilt: Vec2) -> f32 {
         let mut heights: Vec<f32> = self.middles.iter().map(|(at, height)| height - tilt.dot(*at)).collect();
         let middle = heights.len() / 2;
-        if heights.is_empty() { self.common } else { *heights.select_nth_unstable_by(middle, f32::total_cmp).1 }
+        if heights.is_empty() {
+            self.common
+        } else {
+            *heights.select_nth_unstable_by(middle, f32::total_cmp).1
+        }
     }
 }
 

@@ -58,8 +58,7 @@ impl Raster {
     /// Between two corners, outside of which nothing is open; no parts yet.
     pub fn new((low, high): (Vec2, Vec2), step: f32, is_open: impl Fn(Vec2) -> bool + Sync) -> Raster {
         let n = ((high - low) / step).to_array().map(|n| n as usize + 2);
-        let mut raster =
-            Raster { low, step, n, open: Vec::new(), part: vec![0; n[0] * n[1]], n_parts: 0 };
+        let mut raster = Raster { low, step, n, open: Vec::new(), part: vec![0; n[0] * n[1]], n_parts: 0 };
         let is_open = |i: usize| raster.is_inner(i) && is_open(raster.at(i));
         raster.open = (0..n[0] * n[1]).into_par_iter().map(is_open).collect();
         raster
@@ -164,7 +163,6 @@ impl Raster {
         let ring = with_corners(&ring, self.step);
         (ring.len() >= 3).then_some(ring)
     }
-
 }
 
 /// Where between an open and a closed place the border is.

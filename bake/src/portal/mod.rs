@@ -35,7 +35,7 @@ use crate::sampling::{HemisphereSets, hash};
 use crate::smooth::{self, Smoother};
 use crate::{Basis, Error, Options, Progress, Surface, mesh_asset, openings};
 pub use gate::Gates;
-use reveal::reveals;
+use reveal::{STEPS, reveals};
 
 /// Where bounced SH light starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -290,7 +290,7 @@ impl Work<'_> {
             |part: &str, shape: &[usize], data| asset.insert(&format!("portal.{k}.{part}"), shape, data);
         insert("corner", &[corners.len() / 3, 3], Data::F32(Cow::Owned(corners)));
         let reveals: Vec<f32> = reveals.iter().flatten().flatten().copied().collect();
-        insert("reveal", &[reveals.len() / 4, 4], Data::F32(Cow::Owned(reveals)));
+        insert("reveal", &[reveals.len() / (4 * STEPS), STEPS, 4], Data::F32(Cow::Owned(reveals)));
         insert("polygon", &[start.len()], Data::U32(Cow::Owned(start)));
         insert("open", &[open.len()], Data::U32(Cow::Owned(open)));
     }

@@ -2,16 +2,18 @@
 //!
 //! From points of the pane beside an edge, rays turn from along the pane, away over the edge, to straight out of the
 //! window: where what they meet comes to an end, the wall does. An edge has a [`Reveal`] where that is the same line all along
-//! it, and where rays that would cross what the line hides, drawn at random from all over the pane, are all blocked
-//! before they reach it; else it has none, and rows say by themselves what is in the way, less sharply.
+//! it, and where rays that would cross what the line hides, drawn at random from all over the pane, are blocked
+//! before they reach it; else it has none, and rows say by themselves what is in the way, less sharply. Of a wall that ends in
+//! steps, rays from beside the edge find one, and rays from farther off another.
 //!
-//! Where it breaks: of a wall that ends in steps, only the step that hides most from beside the edge is known.
+//! Where it breaks: more than [`STEPS`] steps; walls that bend.
 
 use std::f32::consts::FRAC_PI_2;
 
 use glam::Vec3;
 use lunette_ffi as ffi;
 use lunette_relight::portal_frame::{Reveal, plane_of};
+use rayon::prelude::*;
 
 use crate::Surface;
 use crate::sampling::{fractions, hash};
@@ -23,13 +25,23 @@ const POINTS: usize = 5;
 const HALVINGS: usize = 20;
 
 /// How far from the edge rays start, in parts of the way from it to the pane's middle.
-const START: f32 = 0.2;
+const STARTS: [f32; 3] = [0.2, 0.8, 1.6];
+
+/// Steps of a wall that are kept, and ends that rays from one place look for.
+pub const STEPS: usize = 2;
+const MOST_ENDS: usize = 16;
+
+/// What is met this much farther away than an end is not of its wall.
+const WALL: f32 = 4.0;
+
+/// Places across a pane by which ends are compared.
+const VIEWS: usize = 64;
 
 /// The nearest to the pane that rays look for a wall, radians.
 const LEAST_ANGLE: f32 = 0.02;
 
 /// Steps in which they turn.
-const STEPS: usize = 64;
+const TURNS: usize = 64;
 
 /// Two hits that are this far apart, in sizes of the pane, are not of one wall, however near their rays are.
 const JUMP: f32 = 0.02;
@@ -40,16 +52,17 @@ const FARTHEST: f32 = 4.0;
 /// The ends found along an edge agree within this part of the pane's size.
 const AGREE: f32 = 8e-3;
 
-/// Rays by which a wall is put to the test.
-const TRIALS: usize = 128;
+/// Rays by which a wall is put to the test, and how many of them have to end at it: real walls have cracks.
+const TRIALS: usize = 256;
+const LEAST_HELD: usize = 250;
 
-/// The reveals of each polygon's edges, which are counter-clockwise as seen from inside.
+/// The reveals of each polygon's edges, [`STEPS`] of each, which are counter-clockwise as seen from inside.
 pub fn reveals(surface: &Surface, polygons: &[Vec<Vec3>], seed: u64) -> Vec<Vec<Reveal>> {
     let of_polygon = |(i, polygon): (usize, &Vec<Vec3>)| {
         let pane = Pane::new(surface, polygon, hash(seed, i as u64));
-        (0..polygon.len()).map(|edge| pane.reveal(edge)).collect()
+        (0..polygon.len()).flat_map(|edge| pane.reveals(edge)).collect()
     };
-    polygons.iter().enumerate().map(of_polygon).collect()
+    polygons.par_iter().enumerate().map(of_polygon).collect()
 }
 
 struct Pane<'a> {
@@ -70,6 +83,12 @@ struct End {
     offset: f32,
 }
 
+impl End {
+    fn distance(&self, other: &End) -> f32 {
+        (self.depth - other.depth).abs().max((self.offset - other.offset).abs())
+    }
+}
+
 impl<'a> Pane<'a> {
     fn new(surface: &'a Surface<'a>, polygon: &'a [Vec3], seed: u64) -> Pane<'a> {
         let (centre, normal) = plane_of(polygon);
@@ -81,44 +100,69 @@ impl<'a> Pane<'a> {
         (self.polygon[edge], self.polygon[(edge + 1) % self.polygon.len()])
     }
 
-    fn reveal(&self, edge: usize) -> Reveal {
-        let [outer, inner] = [-self.normal, self.normal].map(|out| {
-            let end = self.end(edge, out).filter(|end| self.holds(edge, out, *end));
-            end.unwrap_or(End { depth: 0.0, offset: 0.0 })
-        });
-        [outer.depth, outer.offset, inner.depth, inner.offset]
+    fn reveals(&self, edge: usize) -> [Reveal; STEPS] {
+        let [outer, inner] = [-self.normal, self.normal].map(|out| self.ends(edge, out));
+        std::array::from_fn(|i| [outer[i].depth, outer[i].offset, inner[i].depth, inner[i].offset])
     }
 
-    /// Where the wall beside an edge ends, if it does so along a line.
-    fn end(&self, edge: usize, out: Vec3) -> Option<End> {
+    /// Where the wall beside an edge ends, the steps that hide most first; no depth where there are no more.
+    fn ends(&self, edge: usize, out: Vec3) -> [End; STEPS] {
+        let within = AGREE * self.size;
+        let mut found: Vec<End> = Vec::new();
+        for end in STARTS.into_iter().flat_map(|start| self.agreed(&self.ends_from(edge, start, out))) {
+            // What is no deeper than that is the pane's own rim.
+            let is_new = end.depth > within && found.iter().all(|known| known.distance(&end) > within);
+            if is_new && self.holds(edge, out, end) {
+                found.push(end);
+            }
+        }
+        // Each hides most as seen from some part of the pane, from its edge to the other side.
+        let (a, b) = self.edge(edge);
+        let across = 2.0 * (b - a).cross(self.normal).normalize_or_zero().dot(a - self.centre);
+        let mut wins = vec![0; found.len()];
+        for i in 0..VIEWS {
+            let from = across * (i as f32 + 0.5) / VIEWS as f32;
+            let slope = |end: &End| (end.offset + from) / end.depth;
+            let least = (0..found.len()).min_by(|&i, &j| slope(&found[i]).total_cmp(&slope(&found[j])));
+            least.into_iter().for_each(|i| wins[i] += 1);
+        }
+        let mut order: Vec<usize> = (0..found.len()).filter(|&i| wins[i] > 0).collect();
+        order.sort_by_key(|&i| std::cmp::Reverse(wins[i]));
+        let end = |i: usize| order.get(i).map_or(End { depth: 0.0, offset: 0.0 }, |&i| found[i]);
+        std::array::from_fn(end)
+    }
+
+    /// The ends of the wall as seen from points along an edge.
+    fn ends_from(&self, edge: usize, start: f32, out: Vec3) -> [Vec<End>; POINTS] {
         let (a, b) = self.edge(edge);
         let away = (b - a).cross(self.normal).normalize_or_zero();
-        let inset = START * away.dot(a - self.centre);
-        let ends: Vec<End> = (0..POINTS)
-            .map(|i| {
-                let along = (i as f32 + 0.5) / POINTS as f32;
-                let from = a.lerp(b, along) - inset * away + self.surface.lift * out;
-                let end = self.end_from(from, away, out)?;
-                Some(End { depth: end.0 + self.surface.lift, offset: end.1 - inset })
-            })
-            .collect::<Option<_>>()?;
-        let spread = |of: fn(&End) -> f32| {
-            let values = ends.iter().map(of);
-            values.clone().fold(f32::MIN, f32::max) - values.fold(f32::MAX, f32::min)
-        };
-        let within = AGREE * self.size;
-        if spread(|end| end.depth) > within || spread(|end| end.offset) > within {
-            return None;
-        }
-        // The one that hides least.
-        let depth = ends.iter().map(|end| end.depth).fold(f32::MAX, f32::min);
-        let offset = ends.iter().map(|end| end.offset).fold(f32::MIN, f32::max);
-        // What is no deeper than that is the pane's own rim.
-        (depth > within).then_some(End { depth, offset })
+        let inset = start * away.dot(a - self.centre);
+        std::array::from_fn(|i| {
+            let along = (i as f32 + 0.5) / POINTS as f32;
+            let from = a.lerp(b, along) - inset * away + self.surface.lift * out;
+            let end = |(depth, offset): (f32, f32)| End {
+                depth: depth + self.surface.lift,
+                offset: offset - inset,
+            };
+            self.ends_of_wall(from, away, out, inset).into_iter().map(end).collect()
+        })
     }
 
-    /// How far out and how far away from a point the wall ends; `None` where there is none, or no end of it.
-    fn end_from(&self, from: Vec3, away: Vec3, out: Vec3) -> Option<(f32, f32)> {
+    /// Ends that are the same line all along the edge; what hides least there.
+    fn agreed(&self, ends: &[Vec<End>; POINTS]) -> Vec<End> {
+        let within = AGREE * self.size;
+        let at = |end: &End, ends: &Vec<End>| {
+            let off = |e: &End| e.distance(end);
+            ends.iter().copied().filter(|e| off(e) <= within).min_by(|a, b| off(a).total_cmp(&off(b)))
+        };
+        let least = |a: End, b: End| End { depth: a.depth.min(b.depth), offset: a.offset.max(b.offset) };
+        let along =
+            |end: &End| ends.iter().map(|ends| at(end, ends)).try_fold(*end, |a, b| Some(least(a, b?)));
+        ends[POINTS / 2].iter().filter_map(along).collect()
+    }
+
+    /// How far out and how far away from a point, `inset` from the edge, the wall ends, and what shows behind it, and so on.
+    fn ends_of_wall(&self, from: Vec3, away: Vec3, out: Vec3, inset: f32) -> Vec<(f32, f32)> {
         let hit = |angle: f32| {
             let (sine, cosine) = angle.sin_cos();
             let d = cosine * away + sine * out;
@@ -129,9 +173,15 @@ impl<'a> Pane<'a> {
         let goes_on = |here: (f32, f32), there: Option<(f32, f32)>| {
             there.is_some_and(|there| (there.1 - here.1).abs().max(there.0 - here.0) < JUMP * self.size)
         };
-        let (step, last) = (FRAC_PI_2 / STEPS as f32, FRAC_PI_2 - LEAST_ANGLE);
-        let (mut low, mut here) = (LEAST_ANGLE, hit(LEAST_ANGLE)?);
-        while low < last {
+        // By how far it is from the edge.
+        let is_near = |here: (f32, f32), there: (f32, f32)| {
+            there.0.hypot(there.1 - inset) < WALL * here.0.hypot(here.1 - inset)
+        };
+        let (step, last) = (FRAC_PI_2 / TURNS as f32, FRAC_PI_2 - LEAST_ANGLE);
+        let mut ends = Vec::new();
+        let Some(mut here) = hit(LEAST_ANGLE) else { return ends };
+        let mut low = LEAST_ANGLE;
+        while low < last && ends.len() < MOST_ENDS {
             let mut high = low + step;
             let mut beyond = hit(high);
             // Nearer and nearer, until the wall goes on or its end is between the two.
@@ -145,19 +195,22 @@ impl<'a> Pane<'a> {
                     there => (high, beyond) = (middle, there),
                 }
             }
+            if !goes_on(here, beyond) {
+                ends.push(here);
+            }
             match beyond {
-                Some(there) if goes_on(here, beyond) => (low, here) = (high, there),
-                _ => return Some(here),
+                Some(there) if goes_on(here, beyond) || is_near(here, there) => (low, here) = (high, there),
+                _ => break,
             }
         }
-        None
+        ends
     }
 
-    /// Whether all rays from the pane to beyond the end are blocked on their way.
+    /// Whether rays from the pane to beyond the end are blocked on their way.
     fn holds(&self, edge: usize, out: Vec3, end: End) -> bool {
         let (a, b) = self.edge(edge);
         let away = (b - a).cross(self.normal).normalize_or_zero();
-        (0..TRIALS).all(|i| {
+        let is_blocked = |&i: &usize| {
             let h = hash(self.seed, (edge * TRIALS + i) as u64);
             let [u, v] = [fractions(h), fractions(hash(h, 1))];
             // A point of the pane, and one beyond the end by a part of the pane.
@@ -169,7 +222,8 @@ impl<'a> Pane<'a> {
             let to = a.lerp(b, v.y) + beyond * away + end.depth * out;
             let ray = ffi::Ray { tfar: 1.0, ..ffi::Ray::new(from.into(), (to - from).into()) };
             self.surface.tree.occluded(&ray)
-        })
+        };
+        (0..TRIALS).filter(is_blocked).count() >= LEAST_HELD
     }
 }
 

@@ -109,7 +109,7 @@ pub struct Panes<'a> {
 /// A convex polygon, counter-clockwise as seen from the interior.
 struct Pane<'a> {
     corners: &'a [[f32; 3]],
-    /// One of each edge, or none.
+    /// As many of each edge, or none.
     reveals: &'a [Reveal],
     normal: Vec3,
     ball: Ball,
@@ -250,15 +250,18 @@ impl<'a> Panes<'a> {
             None => &[],
             Some(tensor) => {
                 let values = tensor.data.as_f32().and_then(|values| bytemuck::try_cast_slice(values).ok());
-                let is_good =
-                    |r: &&[Reveal]| r.len() == corner.len() && r.iter().all(|r| r[0] >= 0.0 && r[2] >= 0.0);
-                let what = "not four floats for each corner, the depths not below 0";
+                let is_good = |r: &&[Reveal]| {
+                    r.len().is_multiple_of(corner.len()) && r.iter().all(|r| r[0] >= 0.0 && r[2] >= 0.0)
+                };
+                let what = "not so many times four floats for each corner, the depths not below 0";
                 values.filter(is_good).ok_or_else(|| wrong(3, what))?
             }
         };
         let polygon = |w: &[u32]| {
             let range = w[0] as usize..w[1] as usize;
-            Pane::new(&corner[range.clone()], reveals.get(range).unwrap_or_default())
+            let steps = reveals.len() / corner.len();
+            let of_edges = range.start * steps..range.end * steps;
+            Pane::new(&corner[range], &reveals[of_edges])
         };
         let polygons: Vec<Pane> = start.windows(2).map(polygon).collect();
         Ok(Some(Panes {
@@ -285,8 +288,8 @@ impl<'a> Pane<'a> {
     }
 
     /// Calls `met` with the normals, of any length and towards the inside, of the planes that bound the polygon as seen
-    /// and its reveals as seen from `p`.
-    fn for_each_side(&self, p: Vec3, mut met: impl FnMut(Vec3)) {
+    /// and its reveals as seen from `p`, until it says that it is enough.
+    fn for_each_side(&self, p: Vec3, mut met: impl FnMut(Vec3) -> bool) {
         let Some(last) = self.corners.last() else { return };
         let p = self.inside(p);
         let height = self.normal.dot(p - self.ball.centre);
@@ -294,12 +297,23 @@ impl<'a> Pane<'a> {
         for b in self.corners {
             let b = Vec3::from(*b) - p;
             let side = a.cross(b);
-            met(if height < 0.0 { side } else { -side });
+            if !met(if height < 0.0 { side } else { -side }) {
+                return;
+            }
             a = b;
         }
-        for (i, reveal) in self.reveals.iter().enumerate() {
+        let steps = (self.reveals.len() / self.corners.len()).max(1);
+        let mut goes_on = true;
+        for (i, reveals) in self.reveals.chunks(steps).enumerate() {
             let [a, b] = [i, (i + 1) % self.corners.len()].map(|i| Vec3::from(self.corners[i]));
-            reveal::for_each_end((p, height), self.normal, (a, b), reveal, &mut met);
+            for reveal in reveals {
+                reveal::for_each_end((p, height), self.normal, (a, b), reveal, |side| {
+                    goes_on = goes_on && met(side);
+                });
+                if !goes_on {
+                    return;
+                }
+            }
         }
     }
 }
@@ -520,6 +534,7 @@ impl Beam {
                 if crosses {
                     scratch.push_side(side);
                 }
+                may_touch
             });
             if !may_touch {
                 scratch.n_sides = first;

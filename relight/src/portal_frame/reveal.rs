@@ -9,7 +9,7 @@ use glam::Vec3;
 
 use crate::cubemap::footprint::clip;
 
-/// Of one edge, metres: depth outside and offset there, depth inside and offset there. A depth of 0 hides nothing.
+/// Of one step of an edge's wall, metres: depth outside and offset there, depth inside and offset there. A depth of 0 hides nothing.
 pub type Reveal = [f32; 4];
 
 /// Nearer to the end of an inner reveal than this part of its depth a point lies on it, and sees past it.
@@ -51,7 +51,7 @@ pub fn plane_of(polygon: &[Vec3]) -> (Vec3, Vec3) {
     (centre, turned.sum::<Vec3>().normalize_or_zero())
 }
 
-/// What of a convex pane, counter-clockwise as seen from inside, `p` sees light through; `reveals` has one entry per edge,
+/// What of a convex pane, counter-clockwise as seen from inside, `p` sees light through; `reveals` has as many entries for each edge,
 /// of which the first begins at the first corner, or none. Of the two lists, the first holds the result.
 pub fn seen_through(p: Vec3, pane: &[Vec3], reveals: &[Reveal], lists: &mut [Vec<Vec3>; 2]) {
     let [seen, other] = lists;
@@ -60,11 +60,14 @@ pub fn seen_through(p: Vec3, pane: &[Vec3], reveals: &[Reveal], lists: &mut [Vec
     let next = |i: usize| pane[(i + 1) % pane.len()];
     let (centre, normal) = plane_of(pane);
     let height = normal.dot(p - centre);
-    for (i, (a, reveal)) in pane.iter().zip(reveals).enumerate() {
-        for_each_end((p, height), normal, (*a, next(i)), reveal, |side| {
-            clip(seen, other, |q| side.dot(q - p));
-            std::mem::swap(seen, other);
-        });
+    let steps = (reveals.len() / pane.len().max(1)).max(1);
+    for (i, (a, reveals)) in pane.iter().zip(reveals.chunks(steps)).enumerate() {
+        for reveal in reveals {
+            for_each_end((p, height), normal, (*a, next(i)), reveal, |side| {
+                clip(seen, other, |q| side.dot(q - p));
+                std::mem::swap(seen, other);
+            });
+        }
     }
 }
 

@@ -5,8 +5,19 @@ use lunette_scenes::{LoadOptions, Mesh, Portal, Scene, load, take_portals};
 
 use super::*;
 
+/// Of each polygon and edge the steps.
+fn steps(scene: &Scene, polygons: &[Vec<Vec3>]) -> Vec<Vec<Vec<Reveal>>> {
+    let of_edges = |reveals: Vec<Reveal>| reveals.chunks(STEPS).map(<[Reveal]>::to_vec).collect();
+    reveals(&Surface::new(scene).unwrap(), polygons, 7).into_iter().map(of_edges).collect()
+}
+
+/// Of each polygon and edge the only step.
 fn found(scene: &Scene, polygons: &[Vec<Vec3>]) -> Vec<Vec<Reveal>> {
-    reveals(&Surface::new(scene).unwrap(), polygons, 7)
+    let only = |steps: Vec<Reveal>| {
+        assert!(steps[1..].iter().all(|step| *step == [0.0; 4]), "{steps:?}");
+        steps[0]
+    };
+    steps(scene, polygons).into_iter().map(|edges| edges.into_iter().map(only).collect()).collect()
 }
 
 fn built(name: &str) -> (Scene, Vec<Portal>) {
@@ -33,13 +44,12 @@ fn glass_in_the_middle_of_a_thick_wall_has_half_of_it_on_each_side() {
 #[test]
 fn straight_edges_of_a_chapel_have_its_walls() {
     let (scene, portals) = built("chapel:bays=1,edge=0.8");
-    let all: Vec<Reveal> =
-        portals.iter().flat_map(|p| found(&scene, &p.convex_polygons()).concat()).collect();
-    let deep = all.iter().filter(|r| r[0] > 0.05).count();
+    let all: Vec<Vec<Reveal>> =
+        portals.iter().flat_map(|p| steps(&scene, &p.convex_polygons()).concat()).collect();
+    let has = |edge: &&Vec<Reveal>| edge.iter().any(|step| (0.05..0.7).contains(&step[0]));
+    let deep = all.iter().filter(has).count();
     println!("{deep} of {} edges lie in a deep wall", all.len());
     assert!(2 * deep > all.len(), "{deep} of {}: {all:?}", all.len());
-    // Walls are 0.6 m thick.
-    assert!(all.iter().all(|r| r[0] + r[2] < 0.7), "{all:?}");
 }
 
 /// Boxes, closed, about a pane of 1 m x 1 m at z = 0 whose inside is at +z.
@@ -80,6 +90,21 @@ fn each_edge_has_its_own_wall() {
     assert_near(right, [0.2, 0.1, 0.3, 0.1]);
     assert_near(top, [0.0; 4]);
     assert_near(left, [0.0; 4]);
+}
+
+#[test]
+fn wall_in_steps_has_those_that_hide() {
+    // On the right a frame of 0.05 m, a step back of 0.1 m that hides nothing past the other two, and a wall set back by 0.15 m
+    // that ends 0.6 m inside.
+    let scene = boxes(&[
+        (vec3(1.0, -1.0, -0.05), vec3(2.0, 2.0, 0.05)),
+        (vec3(1.1, -1.0, 0.0), vec3(2.0, 2.0, 0.1)),
+        (vec3(1.15, -1.0, 0.0), vec3(2.0, 2.0, 0.6)),
+    ]);
+    let [right, ..] = &steps(&scene, &pane())[0][1..] else { panic!("four edges") };
+    // From 0.014 m on from the edge, the wall hides more than the frame does.
+    assert_near(right[0], [0.05, 0.0, 0.6, 0.15]);
+    assert_near(right[1], [0.0, 0.0, 0.05, 0.0]);
 }
 
 #[test]
