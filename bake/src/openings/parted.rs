@@ -3,8 +3,9 @@
 //! A window's rim is known exactly wherever light comes from; of what stands in it, rows know the share of a texel that it
 //! hides, and bars are finer than that: a sun's spot on the floor would lose them. So what is open of a window's plane,
 //! where a short line along the normal meets nothing, becomes a polygon for each part that hangs together, moved along the
-//! normal into what stands around it: a point just beside its edges lies *within* something at the heights at which every
-//! line through it is blocked near by, and the pane takes the plane that lies nearest to the middles of those. Sashes so
+//! normal into what stands around it, if it does not lie there already: a point just beside its edges lies *within* something
+//! at the heights at which every line through it is blocked near by, and the pane takes the plane that lies nearest to the
+//! middles of those. Sashes so
 //! have planes of their own, from which the depths of their bars are found as those of walls are.
 //!
 //! Lines drawn at random through the window are asked whether all that pass do so through one of the panes; where more
@@ -31,7 +32,7 @@ const REACH: f32 = 0.1;
 const LONGEST: f32 = 0.15;
 
 /// A window is flat to this share of its size.
-const FLAT: f32 = 0.01;
+const FLAT: f32 = 1e-3;
 
 /// Less of a window's samples blocked than this share is no bar.
 const LEAST_BLOCKED: f32 = 0.005;
@@ -44,6 +45,9 @@ const MOST_CORNERS: usize = 64;
 /// within something there.
 const HEIGHTS: usize = 41;
 const LEAST_WITHIN: f32 = 0.5;
+
+/// The window's own plane is kept where this share of the most points lies within something there.
+const ENOUGH: f32 = 0.9;
 
 /// Middles of what is around a pane that are farther off its plane than this, metres, weigh less; and the most by which that is
 /// tilted against the window's, as a tangent.
@@ -67,17 +71,23 @@ pub fn parted(scene: &Scene, portals: &[Portal]) -> Result<(Vec<Portal>, usize),
     let rays = Rays::solid(scene)?;
     let mut n_parted = 0;
     let mut of_portal = |portal: &Portal| {
-        let mut triangles = Vec::new();
-        for window in portal.windows() {
-            let panes = Window::new(&rays, &window).and_then(|w| w.panes());
-            n_parted += usize::from(panes.is_some());
-            let panes =
-                panes.and_then(|panes| Portal::from_polygons(&portal.name, &panes, portal.transmission));
-            triangles.extend(panes.unwrap_or(window).triangles);
+        let windows = portal.windows();
+        let panes: Vec<Option<Portal>> = windows.iter().map(|w| panes(&rays, w)).collect();
+        let n = panes.iter().flatten().count();
+        if n == 0 {
+            return portal.clone();
         }
+        n_parted += n;
+        let parts = panes.into_iter().zip(windows).map(|(panes, window)| panes.unwrap_or(window));
+        let triangles = parts.flat_map(|part| part.triangles).collect();
         Portal::new(&portal.name, triangles, portal.transmission).unwrap_or_else(|| portal.clone())
     };
     Ok((portals.iter().map(&mut of_portal).collect(), n_parted))
+}
+
+fn panes(rays: &Rays, window: &Portal) -> Option<Portal> {
+    let panes = Window::new(rays, window)?.panes()?;
+    Portal::from_polygons(&window.name, &panes, window.transmission)
 }
 
 struct Window<'a> {
@@ -145,11 +155,8 @@ impl<'a> Window<'a> {
         }
         let heights: Vec<Height> = outlines.par_iter().map(|o| self.height(o)).collect::<Option<_>>()?;
         let tilt = tilt(&heights);
-        let panes: Vec<Pane> = outlines
-            .into_iter()
-            .zip(&heights)
-            .map(|(outline, height)| Pane { outline, height: height.with(tilt), tilt })
-            .collect();
+        let panes: Vec<Pane> =
+            outlines.into_iter().zip(&heights).map(|(outline, height)| height.pane(outline, tilt)).collect();
         (self.lost(&panes) <= MOST_LOST).then(|| panes.iter().map(|pane| self.polygon(pane)).collect())
     }
 
@@ -177,6 +184,9 @@ impl<'a> Window<'a> {
         if most == 0 || (most as f32) < LEAST_WITHIN * beside.len() as f32 {
             return None;
         }
+        if counts[HEIGHTS / 2] as f32 >= ENOUGH * most as f32 {
+            return Some(Height::Kept);
+        }
         // The longest run of them.
         let runs = counts.chunk_by(|a, b| (*a == most) == (*b == most));
         let starts = runs.clone().scan(0, |at, run| Some(std::mem::replace(at, *at + run.len())));
@@ -197,8 +207,12 @@ impl<'a> Window<'a> {
             };
             Some((*at, 0.5 * (end(low + 1, low) + end(high - 1, high))))
         };
-        let middles = beside.iter().zip(&within).filter_map(middle).collect();
-        Some(Height { common: 0.5 * (height(start) + height(start + run.len() - 1)), middles })
+        let (low, high) = (height(start), height(start + run.len() - 1));
+        let common = 0.5 * (low + high);
+        // Those of the deep wall are not those of the bars.
+        let is_common = |m: &(Vec2, f32)| (m.1 - common).abs() <= 0.5 * (high - low);
+        let middles = beside.iter().zip(&within).filter_map(middle).filter(is_common).collect();
+        Some(Height::Moved { common, middles })
     }
 
     /// Whether no line through a point leads from one side to the other.
@@ -232,24 +246,38 @@ impl<'a> Window<'a> {
     }
 }
 
-/// What is around a part of a window, over the window's plane, metres.
-struct Height {
-    /// Most of it is there.
-    common: f32,
-    /// The middle of what each point beside the edges is within, where that ends on both sides.
-    middles: Vec<(Vec2, f32)>,
+/// Where what is around a part of a window is, over the window's plane, metres.
+enum Height {
+    /// In it.
+    Kept,
+    Moved {
+        /// Most of it is there.
+        common: f32,
+        /// The middle of what points beside the edges are within, where that ends on both sides and is about there.
+        middles: Vec<(Vec2, f32)>,
+    },
 }
 
 impl Height {
-    /// Over the middle of the window's plane, of a plane that is tilted against it.
-    fn with(&self, tilt: Vec2) -> f32 {
-        let mut heights: Vec<f32> = self.middles.iter().map(|(at, height)| height - tilt.dot(*at)).collect();
-        let middle = heights.len() / 2;
-        if heights.is_empty() {
-            self.common
-        } else {
-            *heights.select_nth_unstable_by(middle, f32::total_cmp).1
+    fn middles(&self) -> &[(Vec2, f32)] {
+        match self {
+            Height::Kept => &[],
+            Height::Moved { middles, .. } => middles,
         }
+    }
+
+    /// A pane there, tilted against the window's plane where it is not in that.
+    fn pane(&self, outline: Vec<Vec2>, tilt: Vec2) -> Pane {
+        let Height::Moved { common, middles } = self else {
+            return Pane { outline, height: 0.0, tilt: Vec2::ZERO };
+        };
+        let mut heights: Vec<f32> = middles.iter().map(|(at, height)| height - tilt.dot(*at)).collect();
+        let middle = heights.len() / 2;
+        let height = match heights.is_empty() {
+            true => *common,
+            false => *heights.select_nth_unstable_by(middle, f32::total_cmp).1,
+        };
+        Pane { outline, height, tilt }
     }
 }
 
@@ -257,10 +285,11 @@ impl Height {
 /// not as deep as the frame.
 fn tilt(heights: &[Height]) -> Vec2 {
     let centred = |height: &Height| {
-        let n = height.middles.len().max(1) as f32;
-        let at = height.middles.iter().map(|m| m.0).sum::<Vec2>() / n;
-        let mean = height.middles.iter().map(|m| m.1).sum::<f32>() / n;
-        height.middles.iter().map(move |m| (m.0 - at, m.1 - mean)).collect::<Vec<_>>()
+        let middles = height.middles();
+        let n = middles.len().max(1) as f32;
+        let at = middles.iter().map(|m| m.0).sum::<Vec2>() / n;
+        let mean = middles.iter().map(|m| m.1).sum::<f32>() / n;
+        middles.iter().map(move |m| (m.0 - at, m.1 - mean)).collect::<Vec<_>>()
     };
     let samples: Vec<(Vec2, f32)> = heights.iter().flat_map(centred).collect();
     let fit = if samples.is_empty() { None } else { fitted(&samples, MISFIT) };

@@ -164,6 +164,64 @@ fn panes_between_bars_are_one_window() {
 }
 
 #[test]
+fn bars_part_a_window_into_its_panes() {
+    // Two bars each way, 3 cm wide and 5 cm deep, in a window of 1.6 m x 1.2 m in the middle of the wall.
+    let (scene, glass) = opened("box-room:edge=0.4,bars=2");
+    let (portals, n_parted) = parted(&scene, &glass).unwrap();
+    assert_eq!((n_parted, portals.len()), (1, 1));
+    let panes = portals[0].polygons();
+    assert_eq!(panes.len(), 9);
+    // Borders are bisected to a thousandth of 6 mm; corners are where straight edges meet, that are 0.6 mm off at most.
+    assert!((portals[0].area() / ((1.6 - 0.06) * (1.2 - 0.06)) - 1.0).abs() < 2e-3, "{}", portals[0].area());
+    let lines = |half: f32| {
+        [-half, -half / 3.0 - 0.015, -half / 3.0 + 0.015, half / 3.0 - 0.015, half / 3.0 + 0.015, half]
+    };
+    for corner in panes.concat() {
+        let off =
+            |x: f32, half: f32| lines(half).map(|line| (x - line).abs()).into_iter().fold(f32::MAX, f32::min);
+        // The bars' middle is the wall's.
+        let off = [corner.x + 2.125, off(corner.y - 1.6, 0.6), off(corner.z, 0.8)];
+        assert!(off.iter().all(|off| off.abs() < 1e-3), "{corner}: {off:?}");
+    }
+    assert!(portals[0].normal.x > 0.999_9);
+    let again = parted(&scene, &portals).unwrap();
+    assert!(again == (portals, 0), "panes have no bars");
+}
+
+#[test]
+fn sashes_are_parted_in_their_own_planes() {
+    // The upper half's bar 6 cm before the lower one's, with rails where they meet.
+    let (mut scene, glass) = opened("box-room:edge=0.4");
+    for (x, low, high) in [(-2.16, 1.0, 1.62), (-2.1, 1.58, 2.2)] {
+        append(&mut scene, &cuboid(vec3(x - 0.02, low, -0.02), vec3(x + 0.02, high, 0.02)));
+        append(&mut scene, &cuboid(vec3(x - 0.02, 1.58, -0.8), vec3(x + 0.02, 1.62, 0.8)));
+    }
+    let (portals, n_parted) = parted(&scene, &glass).unwrap();
+    assert_eq!(n_parted, 1);
+    let panes = portals[0].polygons();
+    assert_eq!(panes.len(), 4);
+    for pane in panes {
+        let x = if pane[0].y.min(pane[2].y) < 1.5 { -2.16 } else { -2.1 };
+        // Heights are tried every 7 mm, and their ends bisected.
+        assert!(pane.iter().all(|corner| (corner.x - x).abs() < 2e-3), "{pane:?}");
+    }
+}
+
+#[test]
+fn windows_without_bars_stay_as_they_are() {
+    for spec in ["box-room:edge=0.4", "skylight-box:edge=0.4", "chapel:bays=1,edge=0.8"] {
+        let (scene, glass) = opened(spec);
+        assert!(parted(&scene, &glass).unwrap() == (glass, 0), "{spec}");
+    }
+    // Of two posts, 11 cm before and behind the pane, neither plane has both: light would be lost beside one.
+    let (mut scene, glass) = opened("box-room:edge=0.4");
+    for (x, z) in [(-2.235, -0.3), (-2.015, 0.3)] {
+        append(&mut scene, &cuboid(vec3(x - 0.01, 0.9, z - 0.1), vec3(x + 0.01, 2.3, z + 0.1)));
+    }
+    assert!(parted(&scene, &glass).unwrap() == (glass, 0));
+}
+
+#[test]
 fn scenes_without_inside_or_outside_have_no_portals() {
     let options = Options { cells: Some(5_000), ..Options::default() };
     assert!(matches!(find(&built("plane:n=8"), &options, &Silent), Err(Error::NoInterior)));

@@ -166,6 +166,7 @@ const BUILTINS: &[Builtin] = &[
         parameters: &[
             real("window-width", "m", 1.6, [0.05, 4.6]),
             real("window-height", "m", 1.2, [0.05, 2.6]),
+            whole("bars", "upright and as many level ones, in the glass", 0.0, [0.0, 8.0]),
             real("gloss", "Ks of the rabbit, whose Kd it leaves 1 - Ks of", 0.0, [0.0, 1.0]),
             real("exponent", "of the rabbit's Phong lobe", 10.0, [0.0, 1e4]),
             real("edge", "longest edge, m", 0.15, [0.02, 1.0]),

@@ -3,7 +3,7 @@
 //! The walls are thick, so that the opening has reveals, and nothing but its pane lets light in. Panes are seen
 //! from inside.
 
-use glam::{Vec3, vec3};
+use glam::{Vec2, Vec3, vec2, vec3};
 
 use super::blob::rabbit;
 use super::draft::Draft;
@@ -15,6 +15,8 @@ use crate::Scene;
 const ROOM: Vec3 = vec3(2.0, 3.0, 2.5);
 /// Thickness of walls, floor and ceiling, m.
 const WALL: f32 = 0.25;
+/// Depth and width of a window's bars, m.
+const BAR: Vec2 = vec2(0.05, 0.03);
 /// Share of light that clear glass lets through.
 const CLEAR: [f32; 3] = [0.9, 0.9, 0.9];
 /// Height of the rabbit, m, and its longest edge beside the room's: it curves.
@@ -33,6 +35,22 @@ pub fn box_room(values: &Values) -> Result<Scene, String> {
     let window = draft.paint("window", glass);
     solid.carve(vec3(-ROOM.x - WALL, middle - height, -width), vec3(-ROOM.x, middle + height, width));
     solid.sheet(vec3(x, middle - height, -width), vec3(x, middle + height, width), Vec3::X, window);
+    let bars = values.get("bars") as u32;
+    if bars > 0 {
+        let wood = draft.matt("wood", [0.75, 0.75, 0.73]);
+        let paint = draft.paint("bars", wood);
+        let half = 0.5 * BAR;
+        for i in 1..=bars {
+            let part = i as f32 / (bars + 1) as f32;
+            let (y, z) = (middle + (2.0 * part - 1.0) * height, (2.0 * part - 1.0) * width);
+            solid.add(vec3(x - half.x, y - half.y, -width), vec3(x + half.x, y + half.y, width), paint);
+            solid.add(
+                vec3(x - half.x, middle - height, z - half.y),
+                vec3(x + half.x, middle + height, z + half.y),
+                paint,
+            );
+        }
+    }
     // The pane's edges in the middle of the reveal.
     solid.divide(0, -ROOM.x - WALL, -ROOM.x, 2);
     let gloss = Gloss { specular: values.get("gloss"), exponent: values.get("exponent") };
