@@ -4,7 +4,8 @@
 //! in the plane of their mean normal, so that the area comes out right for concave ones too.
 //!
 //! Based on: Newell's normal (Sutherland, Sproull & Schumacker, A Characterization of Ten Hidden-Surface
-//! Algorithms, 1974); Meisters, Polygons Have Ears, 1975.
+//! Algorithms, 1974); Meisters, Polygons Have Ears, 1975;
+//! S. Hertel, K. Mehlhorn, Fast Triangulation of Simple Polygons, 1983 (convex parts from triangles).
 //!
 //! A polygon that crosses itself has no right answer: what cannot be cut as ears becomes a fan.
 
@@ -13,6 +14,9 @@ use glam::{DVec2, DVec3, Vec3};
 /// Concave polygons with more corners than this are cut as a fan: ears take time with the square of the corners,
 /// and 4096 of them take some 10 ms.
 const MAX_EAR_CORNERS: usize = 4096;
+
+/// Convex parts are no longer joined where there are more than this: that takes time with their square.
+const MOST_PARTS: usize = 256;
 
 /// Turns flatter than this (twice the area over the squared size) count as straight: a few units in the last place
 /// of a f32 position.
@@ -34,9 +38,50 @@ pub(crate) fn triangulate(corner: &[Vec3], out: &mut Vec<[usize; 3]>) {
     }
 }
 
-/// Whether every corner turns the same way.
-pub(crate) fn is_convex(corner: &[Vec3]) -> bool {
-    corner.len() == 3 || turns_one_way(&flatten(corner), &(0..corner.len()).collect::<Vec<_>>())
+/// Cuts the polygon into convex ones, few though not the fewest: positions in `corner`, wound as the polygon is.
+pub(crate) fn convex_parts(corner: &[Vec3]) -> Vec<Vec<usize>> {
+    let all: Vec<usize> = (0..corner.len()).collect();
+    let flat = flatten(corner);
+    if corner.len() == 3 || turns_one_way(&flat, &all) {
+        return vec![all];
+    }
+    let mut triangles = Vec::new();
+    triangulate(corner, &mut triangles);
+    let mut parts: Vec<Vec<usize>> = Vec::new();
+    for triangle in triangles {
+        let mut part = triangle.to_vec();
+        // What it makes convex together with it may do so with others again.
+        while let Some((i, joined)) = joined_to_one(&flat, &parts, &part) {
+            parts.swap_remove(i);
+            part = joined;
+        }
+        parts.push(part);
+    }
+    parts
+}
+
+/// The first part that shares an edge with a ring and is convex together with it, and the two as one.
+fn joined_to_one(flat: &[DVec2], parts: &[Vec<usize>], ring: &[usize]) -> Option<(usize, Vec<usize>)> {
+    if parts.len() > MOST_PARTS {
+        return None;
+    }
+    parts.iter().enumerate().find_map(|(i, part)| {
+        let joined = joined(part, ring)?;
+        turns_one_way(flat, &joined).then_some((i, joined))
+    })
+}
+
+/// Two rings without the edge between them, if there is one.
+fn joined(a: &[usize], b: &[usize]) -> Option<Vec<usize>> {
+    let edge = |ring: &[usize], i: usize| (ring[i], ring[(i + 1) % ring.len()]);
+    let shares = |i: usize| {
+        let (from, to) = edge(a, i);
+        (0..b.len()).find(|&j| edge(b, j) == (to, from)).map(|j| (i, j))
+    };
+    let (i, j) = (0..a.len()).find_map(shares)?;
+    // All of a, from the edge's end around to its start, and then what of b is not on the edge.
+    let around = (1..=a.len()).map(|k| a[(i + k) % a.len()]);
+    Some(around.chain((2..b.len()).map(|k| b[(j + k) % b.len()])).collect())
 }
 
 fn turns_one_way(flat: &[DVec2], ring: &[usize]) -> bool {
@@ -129,6 +174,42 @@ mod tests {
         let (_, ell) = cut(&[[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]]);
         // Sums of a few f32 products of size 1.
         assert!((arrow - TILT).abs() < 1e-5 && (ell - 3.0 * TILT).abs() < 1e-5, "{arrow} {ell}");
+    }
+
+    #[test]
+    fn convex_parts_are_few_and_cover_the_polygon() {
+        // An L, a comb of three teeth, and the upper half of a ring of 2 x 16 corners.
+        let ell = vec![[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
+        let mut comb = vec![[0.0, 0.0], [5.0, 0.0]];
+        for x in [4.0, 2.0, 0.0] {
+            comb.extend([[x + 1.0, 2.0], [x, 2.0], [x, 1.0], [x - 1.0, 1.0]]);
+        }
+        comb.truncate(comb.len() - 2);
+        let arc = |radius: f32, i: usize| {
+            let (sine, cosine) = (std::f32::consts::PI * i as f32 / 15.0).sin_cos();
+            [radius * cosine, radius * sine]
+        };
+        let ring: Vec<[f32; 2]> =
+            (0..16).map(|i| arc(2.0, i)).chain((0..16).rev().map(|i| arc(1.0, i))).collect();
+        for (name, corner, area, most) in
+            [("L", ell, 3.0, 2), ("comb", comb, 8.0, 6), ("ring", ring, 1.5 * 15.0 * (0.209_44f32).sin(), 16)]
+        {
+            let corner: Vec<Vec3> = corner.iter().map(|c| Vec3::new(c[0], 0.0, -c[1])).collect();
+            let parts = convex_parts(&corner);
+            let doubled = |part: &Vec<usize>| {
+                assert!(is_convex(&part.iter().map(|&i| corner[i]).collect::<Vec<_>>()), "{name}: {part:?}");
+                let p = |i: usize| corner[part[i % part.len()]];
+                (1..part.len() - 1).map(|i| (p(i) - p(0)).cross(p(i + 1) - p(0)).y).sum::<f32>()
+            };
+            let found = 0.5 * parts.iter().map(doubled).sum::<f32>();
+            // Sums of a few f32 products of size 1.
+            assert!((found - area).abs() < 1e-4, "{name}: {found} instead of {area}");
+            assert!(parts.len() <= most, "{name}: {}", parts.len());
+        }
+    }
+
+    fn is_convex(corner: &[Vec3]) -> bool {
+        turns_one_way(&flatten(corner), &(0..corner.len()).collect::<Vec<_>>())
     }
 
     #[test]

@@ -105,19 +105,15 @@ impl Portal {
         merge::polygons(&self.triangles)
     }
 
-    /// As [`Portal::polygons`], those that are not convex cut into triangles.
+    /// As [`Portal::polygons`], those that are not convex cut into some that are.
     pub fn convex_polygons(&self) -> Vec<Vec<Vec3>> {
-        let mut cut = Vec::new();
-        let mut list = Vec::new();
-        for polygon in self.polygons() {
-            if polygon::is_convex(&polygon) {
-                list.push(polygon);
-                continue;
-            }
-            polygon::triangulate(&polygon, &mut cut);
-            list.extend(cut.iter().map(|t| t.map(|i| polygon[i]).to_vec()));
-        }
-        list
+        let parts = |p: &Vec<Vec3>| {
+            polygon::convex_parts(p)
+                .into_iter()
+                .map(|part| part.iter().map(|&i| p[i]).collect())
+                .collect::<Vec<_>>()
+        };
+        self.polygons().iter().flat_map(parts).collect()
     }
 
     /// The edges of its polygons, for drawing.
