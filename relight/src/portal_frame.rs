@@ -56,7 +56,7 @@ mod reveal;
 pub(crate) use beam::Scratch;
 use beam::{Beam, Panes, Receivers};
 pub use point::{Detail, Point};
-pub use reveal::{Reveal, plane_of, seen_through};
+pub use reveal::{Pane, Reveal, plane_of};
 
 /// Why an asset cannot be lit through portals.
 #[derive(Clone, Debug, PartialEq)]

@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::Vec3;
 use lunette_relight::asset::{Asset, Data, Shell};
 use lunette_relight::cubemap::n_texels;
-use lunette_relight::portal_frame::Reveal;
+use lunette_relight::portal_frame::{Pane, Reveal};
 use lunette_relight::sparse::{Rows, SparseLight};
 use lunette_scenes::{Portal, Scene, without_doubled};
 use rayon::prelude::*;
@@ -237,7 +237,9 @@ impl Work<'_> {
             rays: self.options.rays,
             seed: hash(self.options.seed, 0xd1 + k as u64),
         };
-        let through = aim(Opening::Portal { gates: self.gates, polygons, reveals });
+        let panes =
+            polygons.iter().zip(&reveals).map(|(polygon, reveals)| Pane::new(polygon, reveals)).collect();
+        let through = aim(Opening::Portal { gates: self.gates, panes });
         let outside = aim(Opening::Sky(Some(self.gates)));
         let source = self.donors.sources(n_vertices);
         let stage = format!("portal {} of {}, direct", k + 1, self.portals.len());

@@ -7,7 +7,7 @@
 //! nothing.
 //!
 //! The share of each texel that the opening covers, and what the depth of the wall around it leaves of that, is known
-//! exactly ([`footprint`](lunette_relight::cubemap::footprint), [`Reveal`]), so that rays are spent on what is in the way alone: T = Σ over openings F (Σ w V / Σ w), with a few stratified rays
+//! exactly ([`footprint`](lunette_relight::cubemap::footprint), [`Pane`]), so that rays are spent on what is in the way alone: T = Σ over openings F (Σ w V / Σ w), with a few stratified rays
 //! within each piece, and more where a piece or its neighbour is seen in part. Where nothing is in the way the row is
 //! exact, however small or near the window, on its very plane too.
 //!
@@ -22,7 +22,7 @@ mod store;
 use glam::{Vec2, Vec3};
 use lunette_ffi as ffi;
 use lunette_relight::cubemap::footprint::{Cell, Eye, Footprint};
-use lunette_relight::portal_frame::{Reveal, seen_through};
+use lunette_relight::portal_frame::Pane;
 
 use crate::Surface;
 use crate::portal::Gates;
@@ -51,14 +51,12 @@ const HIDDEN: u8 = 2;
 pub enum Opening<'a> {
     /// From everywhere but through portals, if there are any.
     Sky(Option<&'a Gates>),
-    /// Through a portal, as convex polygons.
+    /// Through a portal.
     Portal {
         /// All portals.
         gates: &'a Gates,
         /// Of this one.
-        polygons: Vec<Vec<Vec3>>,
-        /// Of their edges.
-        reveals: Vec<Vec<Reveal>>,
+        panes: Vec<Pane>,
     },
 }
 
@@ -140,9 +138,9 @@ impl Aim<'_> {
         let eye = Eye { origin: self.surface.origin[at], normal: self.surface.mesh.normal[at], n: self.n };
         match &self.opening {
             Opening::Sky(_) => row.footprint.add_hemisphere(&eye),
-            Opening::Portal { polygons, reveals, .. } => {
-                for (i, (polygon, reveals)) in polygons.iter().zip(reveals).enumerate() {
-                    seen_through(eye.origin, polygon, reveals, &mut row.seen);
+            Opening::Portal { panes, .. } => {
+                for (i, pane) in panes.iter().enumerate() {
+                    pane.seen_from(eye.origin, &mut row.seen);
                     row.footprint.add_polygon(&eye, i, &row.seen[0]);
                 }
             }
@@ -232,17 +230,16 @@ impl Aim<'_> {
         n: usize,
         packet: &ffi::Packet<LANES>,
     ) -> [bool; LANES] {
-        let (gates, polygons) = match &self.opening {
+        let (gates, panes) = match &self.opening {
             Opening::Sky(None) => return [false; LANES],
             Opening::Sky(Some(gates)) => return gates.any(&ffi::Mask::first(n), packet),
             Opening::Portal { gates, .. } if gates.lie_in_one_plane() => return [false; LANES],
-            Opening::Portal { gates, polygons, .. } => (gates, polygons),
+            Opening::Portal { gates, panes } => (gates, panes),
         };
         let mut packet = *packet;
         for lane in 0..n {
-            let polygon = &polygons[row.footprint.cells[rays.cell[lane]].polygon];
-            let normal = (polygon[1] - polygon[0]).cross(polygon[2] - polygon[0]);
-            let way = (polygon[0] - eye.origin).dot(normal) / rays.d[lane].dot(normal);
+            let pane = &panes[row.footprint.cells[rays.cell[lane]].polygon];
+            let way = -pane.height(eye.origin) / rays.d[lane].dot(pane.normal());
             packet.tfar[lane] = if way.is_finite() { (way * (1.0 - SAME_PLANE)).max(0.0) } else { 0.0 };
         }
         gates.any(&ffi::Mask::first(n), &packet)

@@ -37,7 +37,7 @@ use crate::cubemap::footprint::{Eye, Footprint, clip_each, vector_area};
 use crate::cubemap::{face_axes, flat, place};
 use crate::indirect::vertex_area;
 use crate::light::Cap;
-use crate::portal_frame::reveal::{self, Reveal, plane_of, seen_through};
+use crate::portal_frame::reveal::{Pane, Reveal};
 use crate::sparse::{Basis, Probe, Rows};
 
 /// Discs of a larger radius than this, radians, are left to the texels, against which they are broad.
@@ -98,7 +98,7 @@ pub struct Receivers<'a> {
 
 /// Where a portal is.
 pub struct Panes<'a> {
-    polygons: Vec<Pane<'a>>,
+    polygons: Vec<Window>,
     /// Around all, and around each [`GROUP`] of them.
     all: Ball,
     groups: Vec<Ball>,
@@ -106,12 +106,9 @@ pub struct Panes<'a> {
     open: &'a [u32],
 }
 
-/// A convex polygon, counter-clockwise as seen from the interior.
-struct Pane<'a> {
-    corners: &'a [[f32; 3]],
-    /// As many of each edge, or none.
-    reveals: &'a [Reveal],
-    normal: Vec3,
+/// A pane, and what it lies within.
+struct Window {
+    pane: Pane,
     ball: Ball,
 }
 
@@ -233,7 +230,8 @@ impl<'a> Panes<'a> {
         let wrong = |i: usize, what: &str| Error::Tensor { name: names[i].clone(), what: what.to_string() };
         let Some(corner) = asset.tensor(&names[0]) else { return Ok(None) };
         let Data::F32(corner) = &corner.data else { return Err(wrong(0, "not F32")) };
-        let corner = bytemuck::try_cast_slice(corner).map_err(|_| wrong(0, "not three numbers each"))?;
+        let corner: &[Vec3] =
+            bytemuck::try_cast_slice(corner).map_err(|_| wrong(0, "not three numbers each"))?;
         let words = |i: usize| match asset.tensor(&names[i]).map(|t| &t.data) {
             Some(Data::U32(values)) => Ok(&values[..]),
             _ => Err(wrong(i, "missing, or not U32")),
@@ -261,9 +259,9 @@ impl<'a> Panes<'a> {
             let range = w[0] as usize..w[1] as usize;
             let steps = reveals.len() / corner.len();
             let of_edges = range.start * steps..range.end * steps;
-            Pane::new(&corner[range], &reveals[of_edges])
+            Window::new(Pane::new(&corner[range], &reveals[of_edges]))
         };
-        let polygons: Vec<Pane> = start.windows(2).map(polygon).collect();
+        let polygons: Vec<Window> = start.windows(2).map(polygon).collect();
         Ok(Some(Panes {
             all: Ball::around(&polygons),
             groups: polygons.chunks(GROUP).map(Ball::around).collect(),
@@ -273,53 +271,35 @@ impl<'a> Panes<'a> {
     }
 }
 
-impl<'a> Pane<'a> {
-    fn new(corners: &'a [[f32; 3]], reveals: &'a [Reveal]) -> Pane<'a> {
-        let (centre, normal) = plane_of(bytemuck::cast_slice(corners));
-        let radius = corners.iter().map(|c| Vec3::from(*c).distance(centre)).fold(0.0, f32::max);
-        Pane { corners, reveals, normal, ball: Ball { centre, radius } }
+impl Window {
+    fn new(pane: Pane) -> Window {
+        let centre = pane.centre();
+        let radius = pane.corners().iter().map(|c| c.distance(centre)).fold(0.0, f32::max);
+        Window { pane, ball: Ball { centre, radius } }
     }
 
-    /// `p`, but on the inside where it lies in the polygon's plane.
+    /// `p`, but on the inside where it lies in the pane's plane.
     fn inside(&self, p: Vec3) -> Vec3 {
-        let height = self.normal.dot(p - self.ball.centre);
+        let height = self.pane.height(p);
         let level = LEVEL * self.ball.radius;
-        if height.abs() < level { p + (level - height) * self.normal } else { p }
+        if height.abs() < level { p + (level - height) * self.pane.normal() } else { p }
     }
 
-    /// Calls `met` with the normals, of any length and towards the inside, of the planes that bound the polygon as seen
-    /// and its reveals as seen from `p`, until it says that it is enough.
-    fn for_each_side(&self, p: Vec3, mut met: impl FnMut(Vec3) -> bool) {
-        let Some(last) = self.corners.last() else { return };
+    /// The normals, of any length and towards the inside, of the planes that bound the pane and its wall as seen from `p`.
+    fn sides(&self, p: Vec3) -> impl Iterator<Item = Vec3> + '_ {
         let p = self.inside(p);
-        let height = self.normal.dot(p - self.ball.centre);
-        let mut a = Vec3::from(*last) - p;
-        for b in self.corners {
-            let b = Vec3::from(*b) - p;
-            let side = a.cross(b);
-            if !met(if height < 0.0 { side } else { -side }) {
-                return;
-            }
-            a = b;
-        }
-        let steps = (self.reveals.len() / self.corners.len()).max(1);
-        let mut goes_on = true;
-        for (i, reveals) in self.reveals.chunks(steps).enumerate() {
-            let [a, b] = [i, (i + 1) % self.corners.len()].map(|i| Vec3::from(self.corners[i]));
-            for reveal in reveals {
-                reveal::for_each_end((p, height), self.normal, (a, b), reveal, |side| {
-                    goes_on = goes_on && met(side);
-                });
-                if !goes_on {
-                    return;
-                }
-            }
-        }
+        let towards = if self.pane.height(p) < 0.0 { 1.0 } else { -1.0 };
+        let corners = self.pane.corners();
+        let edge = move |i: usize| {
+            let a = corners[if i == 0 { corners.len() - 1 } else { i - 1 }];
+            towards * (a - p).cross(corners[i] - p)
+        };
+        (0..corners.len()).map(edge).chain(self.pane.walls(p))
     }
 }
 
 impl Ball {
-    fn around(panes: &[Pane]) -> Ball {
+    fn around(panes: &[Window]) -> Ball {
         let n = panes.len().max(1) as f32;
         let centre = panes.iter().map(|pane| pane.ball.centre).sum::<Vec3>() / n;
         let radius = panes.iter().map(|p| p.ball.centre.distance(centre) + p.ball.radius).fold(0.0, f32::max);
@@ -468,11 +448,11 @@ impl Beam {
     /// about the disc may come through to it.
     pub fn for_each_near(&self, p: Vec3, panes: &Panes, mut met: impl FnMut(Vec3, &[Vec3])) {
         let (s, wide) = (self.disc.axis, 4.0 * self.spread);
-        let is_near = |pane: &&Pane| panes.polygons.len() <= GROUP || pane.ball.is_near(p, s, wide);
+        let is_near = |window: &&Window| panes.polygons.len() <= GROUP || window.ball.is_near(p, s, wide);
         let mut lists = Default::default();
-        for pane in panes.polygons.iter().filter(is_near) {
-            let p = pane.inside(p);
-            seen_through(p, bytemuck::cast_slice(pane.corners), pane.reveals, &mut lists);
+        for window in panes.polygons.iter().filter(is_near) {
+            let p = window.inside(p);
+            window.pane.seen_from(p, &mut lists);
             met(p, &lists[0]);
         }
     }
@@ -521,21 +501,24 @@ impl Beam {
         let groups = panes.groups.iter().zip(panes.polygons.chunks(GROUP));
         let near = groups.filter(|(ball, _)| ball.is_near(p, s, self.spread)).flat_map(|(_, panes)| panes);
         let mut nearest: Option<f32> = None;
-        for pane in near.filter(|pane| pane.ball.is_near(p, s, self.spread)) {
+        for window in near.filter(|window| window.ball.is_near(p, s, self.spread)) {
+            let Window { pane, ball } = window;
             let first = scratch.n_sides;
             let (mut may_hold, mut may_touch) = (true, true);
-            pane.for_each_side(p, |side| {
+            for side in window.sides(p) {
                 let (inside, square) = (side.dot(s), side.length_squared());
                 let is_within = |sine: f32| inside * inside < sine * sine * square;
                 may_hold &= inside > 0.0 || is_within(sine);
                 let crosses = is_within(self.sine);
                 may_touch &= inside > 0.0 || crosses;
+                if !may_touch {
+                    break;
+                }
                 // The others have all texels on their inside.
                 if crosses {
                     scratch.push_side(side);
                 }
-                may_touch
-            });
+            }
             if !may_touch {
                 scratch.n_sides = first;
                 continue;
@@ -543,14 +526,13 @@ impl Beam {
             scratch.push_cone(first);
             if may_hold {
                 // Where the axis meets the pane's plane.
-                let slope = pane.normal.dot(s);
-                let to = pane.ball.centre - p;
-                let way = pane.normal.dot(to) / slope;
+                let to = pane.centre() - p;
+                let way = pane.normal().dot(to) / pane.normal().dot(s);
                 let way = if way.is_finite() { way } else { to.dot(s) };
-                let way = way.max(1e-3 * pane.ball.radius);
+                let way = way.max(1e-3 * ball.radius);
                 if nearest.is_none_or(|n| way < n) {
                     nearest = Some(way);
-                    scratch.plane = Some((pane.ball.centre, pane.normal));
+                    scratch.plane = Some((pane.centre(), pane.normal()));
                 }
             }
         }

@@ -15,31 +15,89 @@ pub type Reveal = [f32; 4];
 /// Nearer to the end of an inner reveal than this part of its depth a point lies on it, and sees past it.
 const LEVEL: f32 = 1e-3;
 
-/// Calls `met` with the normals, of any length and towards what is seen, of the planes through `p` and the ends of the
-/// reveals of the edge from `a` to `b` of a pane with this unit normal, towards the inside, at which `p` is `height`
-/// metres above the pane's plane.
-pub(super) fn for_each_end(
-    (p, height): (Vec3, f32),
+/// A convex polygon with the wall around it.
+#[derive(Clone, Debug)]
+pub struct Pane {
+    /// Metres, counter-clockwise as seen from inside.
+    corners: Vec<Vec3>,
+    centre: Vec3,
+    /// Unit, towards the inside.
     normal: Vec3,
-    (a, b): (Vec3, Vec3),
-    reveal: &Reveal,
-    mut met: impl FnMut(Vec3),
-) {
-    let &[outer, outer_offset, inner, inner_offset] = reveal;
-    // From outside, or from its own plane, nothing is seen through it.
-    if height <= 0.0 || outer.max(inner) <= 0.0 {
-        return;
+    ends: Vec<End>,
+}
+
+/// A line at which a wall ends.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    from: Vec3,
+    to: Vec3,
+    /// Points lower than this over the pane's plane see past it, metres.
+    above: f32,
+}
+
+impl Pane {
+    /// Of corners, metres, counter-clockwise as seen from inside; `reveals` has as many entries for each edge, of which the
+    /// first begins at the first corner, or none.
+    pub fn new(corners: &[Vec3], reveals: &[Reveal]) -> Pane {
+        let (centre, normal) = plane_of(corners);
+        let steps = (reveals.len() / corners.len().max(1)).max(1);
+        let mut ends = Vec::new();
+        for (i, reveals) in reveals.chunks(steps).enumerate() {
+            let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+            let away = (b - a).cross(normal).normalize_or_zero();
+            for &[outer, outer_offset, inner, inner_offset] in reveals {
+                let mut end = |depth: f32, offset: f32, above: f32| {
+                    let to = offset * away - depth * normal;
+                    ends.push(End { from: a + to, to: b + to, above });
+                };
+                if outer > 0.0 {
+                    end(outer, outer_offset, 0.0);
+                }
+                if inner > 0.0 {
+                    end(-inner, inner_offset, (1.0 + LEVEL) * inner);
+                }
+            }
+        }
+        Pane { corners: corners.to_vec(), centre, normal, ends }
     }
-    let away = (b - a).cross(normal).normalize_or_zero();
-    let mut end = |depth: f32, offset: f32| {
-        let to = offset * away - depth * normal - p;
-        met((b + to).cross(a + to));
-    };
-    if outer > 0.0 {
-        end(outer, outer_offset);
+
+    /// Metres, counter-clockwise as seen from inside.
+    pub fn corners(&self) -> &[Vec3] {
+        &self.corners
     }
-    if inner > 0.0 && height > (1.0 + LEVEL) * inner {
-        end(-inner, inner_offset);
+
+    /// The mean of the corners.
+    pub fn centre(&self) -> Vec3 {
+        self.centre
+    }
+
+    /// Unit, towards the inside.
+    pub fn normal(&self) -> Vec3 {
+        self.normal
+    }
+
+    /// How far inside of the pane's plane a point lies, metres.
+    pub fn height(&self, p: Vec3) -> f32 {
+        self.normal.dot(p - self.centre)
+    }
+
+    /// The normals, of any length and towards what is seen, of the planes through `p` and the ends of its wall; none from outside
+    /// or from its own plane, from where nothing is seen through it.
+    pub(super) fn walls(&self, p: Vec3) -> impl Iterator<Item = Vec3> + '_ {
+        let height = self.height(p);
+        let ends = self.ends.iter().filter(move |end| height > end.above);
+        ends.map(move |end| (end.to - p).cross(end.from - p))
+    }
+
+    /// What of it `p` sees light through: of the two lists, the first holds the result.
+    pub fn seen_from(&self, p: Vec3, lists: &mut [Vec<Vec3>; 2]) {
+        let [seen, other] = lists;
+        seen.clear();
+        seen.extend(&self.corners);
+        for side in self.walls(p) {
+            clip(seen, other, |q| side.dot(q - p));
+            std::mem::swap(seen, other);
+        }
     }
 }
 
@@ -49,26 +107,6 @@ pub fn plane_of(polygon: &[Vec3]) -> (Vec3, Vec3) {
     let next = polygon.iter().cycle().skip(1);
     let turned = polygon.iter().zip(next).map(|(a, b)| (*a - centre).cross(*b - centre));
     (centre, turned.sum::<Vec3>().normalize_or_zero())
-}
-
-/// What of a convex pane, counter-clockwise as seen from inside, `p` sees light through; `reveals` has as many entries for each edge,
-/// of which the first begins at the first corner, or none. Of the two lists, the first holds the result.
-pub fn seen_through(p: Vec3, pane: &[Vec3], reveals: &[Reveal], lists: &mut [Vec<Vec3>; 2]) {
-    let [seen, other] = lists;
-    seen.clear();
-    seen.extend(pane);
-    let next = |i: usize| pane[(i + 1) % pane.len()];
-    let (centre, normal) = plane_of(pane);
-    let height = normal.dot(p - centre);
-    let steps = (reveals.len() / pane.len().max(1)).max(1);
-    for (i, (a, reveals)) in pane.iter().zip(reveals.chunks(steps)).enumerate() {
-        for reveal in reveals {
-            for_each_end((p, height), normal, (*a, next(i)), reveal, |side| {
-                clip(seen, other, |q| side.dot(q - p));
-                std::mem::swap(seen, other);
-            });
-        }
-    }
 }
 
 #[cfg(test)]
@@ -82,7 +120,7 @@ mod tests {
 
     fn extent(p: Vec3, reveals: &[Reveal]) -> [f32; 4] {
         let mut lists = [Vec::new(), Vec::new()];
-        seen_through(p, &pane(), reveals, &mut lists);
+        Pane::new(&pane(), reveals).seen_from(p, &mut lists);
         let [x, y] = [0, 1].map(|axis| {
             lists[0].iter().fold((f32::MAX, f32::MIN), |(l, h), q| (l.min(q[axis]), h.max(q[axis])))
         });
