@@ -1,8 +1,8 @@
 //! The panes of a window, parted by bars, made one polygon again.
 //!
-//! Bars block light by themselves; a portal over them costs nothing and saves hundreds of small ones. Panes that lie
-//! nearly in one plane with no more than a bar between them become their convex hull, where they fill half of it and
-//! more.
+//! Bars block light by themselves; a portal over them is a few numbers that may be edited, and a bake parts it again
+//! ([`parted`](super::parted)). Panes that lie nearly in one plane with no more than a bar between them become their convex
+//! hull, where they fill half of it and more.
 
 use glam::{Vec2, Vec3};
 

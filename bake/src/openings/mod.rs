@@ -12,6 +12,8 @@
 //! ragged or tilted: more cells help. Where a wall and its corner are missing, as at the open end of a corridor, flat
 //! polygons overlap and leave gaps. What is inside and what outside is a matter of opinion for arcades, porches and
 //! courtyards; the nook under a ball counts as inside. [`leak_share`] tells how much light enters beside what was found.
+//! A hole within the room, as of a chimney, lies before the windows seen through it, and of a sun through both neither is
+//! sharp.
 //! Portals are proposals, to be looked at.
 
 mod bars;
@@ -64,8 +66,8 @@ pub struct Options {
     pub cells: Option<usize>,
     /// Holes of less area, m², are left out: cracks between walls.
     pub smallest_area: f32,
-    /// Holes with no more than this between them, metres, are panes of one window, and its bars are left to cast their
-    /// shadows as they are; 0 leaves every hole alone.
+    /// Holes with no more than this between them, metres, are panes of one window, which a bake parts again ([`parted`]), more
+    /// exactly than they are found here; 0 leaves every hole alone.
     pub widest_bar: f32,
     /// What shares a portal.
     pub grouping: Grouping,

@@ -125,7 +125,8 @@ fn bake(
         let (portals, n_parted) = openings::parted(scene, &portals)?;
         if n_parted > 0 {
             let n_panes: usize = portals.iter().map(|p| p.polygons().len()).sum();
-            progress.note(&format!("portals: bars part {n_parted} windows; {n_panes} panes in all"));
+            let s = if n_parted == 1 { "" } else { "s" };
+            progress.note(&format!("portals: bars part {n_parted} window{s}; {n_panes} panes in all"));
         }
         let portals = &portals[..];
         surface.keep_inside(portals);
