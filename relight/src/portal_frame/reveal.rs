@@ -146,6 +146,13 @@ mod tests {
         assert!((seen[1] - 0.0).abs() < 1e-5, "{seen:?}");
         // On the reveal itself, nothing is.
         assert_eq!(extent(Vec3::new(1.0, 0.5, 1.0), &right), [-1.0, 1.0, 0.0, 1.0]);
+        // Of two steps of the left wall, the nearer one hides more here, and the farther one from farther aside.
+        let near = [0.05, 0.0, 0.0, 0.0];
+        let steps = [none, none, none, none, none, none, near, [0.5, 0.25, 0.0, 0.0]];
+        let seen = extent(Vec3::new(-0.9, 0.5, 2.0), &steps);
+        assert!((seen[0] - (-0.9 - 0.1 * 2.0 / 2.05)).abs() < 1e-5, "{seen:?}");
+        let seen = extent(Vec3::new(3.0, 0.5, 2.0), &steps);
+        assert!((seen[0] - (3.0 - 4.25 * 2.0 / 2.5)).abs() < 1e-5, "{seen:?}");
         // All is hidden from far aside.
         let seen = extent(Vec3::new(30.0, 0.5, 0.2), &[none, none, none, [1.0, 0.0, 0.0, 0.0]]);
         assert!(seen[0] > seen[1], "{seen:?}");
