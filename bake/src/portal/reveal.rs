@@ -213,12 +213,13 @@ impl<'a> Pane<'a> {
         let is_blocked = |&i: &usize| {
             let h = hash(self.seed, (edge * TRIALS + i) as u64);
             let [u, v] = [fractions(h), fractions(hash(h, 1))];
-            // A point of the pane, and one beyond the end by a part of the pane.
+            // A point of the pane, and one beyond the end, near or far.
             let corner = (u.x * self.polygon.len() as f32) as usize % self.polygon.len();
             let (c, d) = self.edge(corner);
             let root = u.y.sqrt();
             let from = self.centre + root * (c.lerp(d, v.x) - self.centre) + self.surface.lift * out;
-            let beyond = end.offset + AGREE * self.size + h as u8 as f32 / 255.0 * self.size;
+            let far = h as u8 as f32 / 256.0;
+            let beyond = end.offset + AGREE * self.size + far / (1.0 - far) * (end.depth + self.size);
             let to = a.lerp(b, v.y) + beyond * away + end.depth * out;
             let ray = ffi::Ray { tfar: 1.0, ..ffi::Ray::new(from.into(), (to - from).into()) };
             self.surface.tree.occluded(&ray)
