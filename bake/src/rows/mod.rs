@@ -40,7 +40,8 @@ const REFINED: (usize, usize) = (2, 128);
 /// Rays at edges of shadows for each ray that a vertex is granted: suns are as straight as these find edges to be.
 const EDGE_SHARE: usize = 2;
 
-/// How near to a portal's plane, as a share of the way to it, another portal counts as lying in it.
+/// How near to a portal's plane, as a share of the way to it, another portal counts as lying in it. Nearer to the plane than the
+/// lift of rays, rounding is more than that.
 const SAME_PLANE: f32 = 1e-4;
 
 /// What of a texel has been found.
@@ -239,8 +240,9 @@ impl Aim<'_> {
         let mut packet = *packet;
         for lane in 0..n {
             let pane = &panes[row.footprint.cells[rays.cell[lane]].polygon];
-            let way = -pane.height(eye.origin) / rays.d[lane].dot(pane.normal());
-            packet.tfar[lane] = if way.is_finite() { (way * (1.0 - SAME_PLANE)).max(0.0) } else { 0.0 };
+            let height = pane.height(eye.origin) * (1.0 - SAME_PLANE) - self.surface.lift;
+            let way = -height / rays.d[lane].dot(pane.normal());
+            packet.tfar[lane] = if way.is_finite() { way.max(0.0) } else { 0.0 };
         }
         gates.any(&ffi::Mask::first(n), &packet)
     }

@@ -4,14 +4,14 @@
 
 use std::f32::consts::PI;
 
-use glam::{Vec2, Vec3, vec2, vec3};
+use glam::{EulerRot, Quat, Vec2, Vec3, vec2, vec3};
 use lunette_bake::{Options, PortalOptions, Silent, bake_portals};
 use lunette_relight::indirect::Indirect;
 use lunette_scenes::Portal;
 use lunette_tests::baked::light;
 use lunette_tests::closed_form::{facing_rectangle, over_corners, upright_rectangle};
 use lunette_tests::interior::{
-    Interior, ROOM, Window, bounced_options, direct_options, lit, room, room_with,
+    Interior, ROOM, Window, bounced_options, built, direct_options, lit, room, room_with,
 };
 
 /// Irradiance of a vertex of the wall opposite or of the floor.
@@ -147,6 +147,40 @@ fn pane_given_from_both_sides_lights_once() {
         interior.bake(&options).to_bytes().expect("bytes")
     };
     assert!(bytes(&interior) == bytes(&twice), "the same light, to the bit");
+}
+
+#[test]
+fn pane_far_away_bars_nothing() {
+    // Turned so that nothing is even in single precision; vertices lie on the pane's very plane. The other pane is outside
+    // above the roof, in another plane, so that each ray is asked for panes before its own.
+    let mut interior = built("box-room:edge=0.3");
+    let turn = Quat::from_euler(EulerRot::YXZ, 0.7, 0.4, 0.2);
+    let mesh = &mut interior.scene.mesh;
+    mesh.position.iter_mut().for_each(|p| *p = turn * *p + vec3(3.3, 1.7, -5.1));
+    mesh.normal.iter_mut().for_each(|n| *n = turn * *n);
+    let corners = |portal: &Portal| -> Vec<[Vec3; 3]> {
+        portal.triangles.iter().map(|t| t.map(|p| turn * p + vec3(3.3, 1.7, -5.1))).collect()
+    };
+    let near = corners(&interior.portals[0]);
+    let above = [vec3(-1.0, 6.0, -1.0), vec3(-1.0, 6.0, 1.0), vec3(1.0, 6.0, 1.0)];
+    let with = |triangles: Vec<[Vec3; 3]>| Interior {
+        scene: interior.scene.clone(),
+        portals: vec![Portal::new("glass", triangles, Vec3::ONE).expect("an area")],
+    };
+    let far = above.map(|p| turn * p + vec3(3.3, 1.7, -5.1));
+    let [alone, both] = [near.clone(), near.into_iter().chain([far]).collect()].map(|triangles| {
+        lit(&with(triangles).bake(&direct_options()), &light("uniform"), Indirect::None).direct
+    });
+    // Vertices under the sky, on the wall's outer half, may see the pane above; those inside are as without.
+    let inside =
+        lunette_bake::openings::inside(&interior.scene, &with(corners(&interior.portals[0])).portals)
+            .expect("Embree");
+    let n_lit = inside.iter().zip(&alone).filter(|(inside, e)| **inside && e.x > 0.1).count();
+    assert!(n_lit > 300, "{n_lit}");
+    for (v, (alone, both)) in alone.iter().zip(&both).enumerate().filter(|(v, _)| inside[*v]) {
+        // Other rays look for what is in the way: the rabbit's shadow is known to a percent of the window's light.
+        assert!((alone.x - both.x).abs() < 0.01, "{}: {alone} {both}", interior.mesh().position[v]);
+    }
 }
 
 #[test]
