@@ -18,8 +18,8 @@
 //!
 //! with the weights of the vertex itself and of its neighbours in it. Where the light of neighbours grows evenly across a vertex,
 //! nothing changes. Some vertices are farther off by chance alone and would stay as specks, so that each takes the median of
-//! the rings found for it and its neighbours. Rows of SH are averaged over all rings: their noise is that of bright places, not of regions, and they
-//! are for smooth skies.
+//! the rings found for it and its neighbours. Rows of SH are averaged over all rings: their noise is that of bright places,
+//! not of regions, and they are for smooth skies.
 //!
 //! Based on: G. Ward, F. Rubinstein, R. Clear, A Ray Tracing Solution for Diffuse Interreflection, 1988 (equation 3);
 //! D. P. Mitchell, Consequences of Stratified Sampling in Graphics, 1996 (the noise).

@@ -5,8 +5,7 @@
 //! where a short line along the normal meets nothing, becomes a polygon for each part that hangs together, moved along the
 //! normal into what stands around it, if it does not lie there already: a point just beside its edges lies *within* something
 //! at the heights at which every line through it is blocked near by, and the pane takes the plane that lies nearest to the
-//! middles of those. Sashes so
-//! have planes of their own, from which the depths of their bars are found as those of walls are.
+//! middles of those. Sashes so have planes of their own, from which the depths of their bars are found as those of walls are.
 //!
 //! Lines drawn at random through the window are asked whether all that pass do so through one of the panes; where more
 //! than [`MOST_LOST`] do not, as beside a curtain or leaves before the window, it is left whole.
@@ -20,6 +19,7 @@ use rayon::prelude::*;
 use super::outline::fitted;
 use super::raster::{HALVINGS, Plane, Raster};
 use super::rays::{Rays, sphere};
+use super::sides::{lift, orient_by};
 use crate::Error;
 use crate::sampling::{fractions, hash};
 
@@ -62,13 +62,15 @@ const LEAST_SLOPE: f32 = 0.3;
 const TRIALS: usize = 16384;
 const MOST_LOST: f32 = 0.01;
 
-/// Portals with every window that has bars replaced by its panes, and how many windows had. Normals point inside, and `scene` is without the
-/// portals' triangles.
+/// Portals wound as by [`orient`](super::orient), with every window that has bars replaced by its panes, and how many windows
+/// had. `scene` is without the portals' triangles.
 ///
 /// # Errors
 /// When the scene has nothing that blocks light, or Embree cannot be had.
 pub fn parted(scene: &Scene, portals: &[Portal]) -> Result<(Vec<Portal>, usize), Error> {
     let rays = Rays::solid(scene)?;
+    let mut portals = portals.to_vec();
+    orient_by(&rays, lift(scene), &mut portals);
     let mut n_parted = 0;
     let mut of_portal = |portal: &Portal| {
         let windows = portal.windows();

@@ -28,12 +28,15 @@ const LOOKS: u64 = 16;
 /// # Errors
 /// When the scene has nothing that blocks light, or Embree cannot be had.
 pub fn orient(scene: &Scene, portals: &mut [Portal]) -> Result<usize, Error> {
-    let rays = Rays::solid(scene)?;
-    let lift = lift(scene);
+    Ok(orient_by(&Rays::solid(scene)?, lift(scene), portals))
+}
+
+/// As [`orient`], by rays against what blocks light in the scene.
+pub(super) fn orient_by(rays: &Rays, lift: f32, portals: &mut [Portal]) -> usize {
     let mut n_turned = 0;
     for portal in portals {
         let mut windows = portal.windows();
-        let turned: Vec<bool> = windows.par_iter().map(|w| looks_out(&rays, w, lift)).collect();
+        let turned: Vec<bool> = windows.par_iter().map(|w| looks_out(rays, w, lift)).collect();
         let n = turned.iter().filter(|t| **t).count();
         if n == 0 {
             continue;
@@ -43,7 +46,7 @@ pub fn orient(scene: &Scene, portals: &mut [Portal]) -> Result<usize, Error> {
         let triangles = windows.into_iter().flat_map(|w| w.triangles).collect();
         *portal = Portal::new(&portal.name, triangles, portal.transmission).unwrap_or_else(|| portal.clone());
     }
-    Ok(n_turned)
+    n_turned
 }
 
 /// Whether more rays escape from a window's front than from its back.
@@ -200,7 +203,7 @@ impl Paths<'_> {
 }
 
 /// Height of a ray's origin over a surface, metres: above the rounding of the scene's coordinates.
-fn lift(scene: &Scene) -> f32 {
+pub(super) fn lift(scene: &Scene) -> f32 {
     let (low, high) = scene.mesh.bounds();
     1e-5 * (high - low).length()
 }

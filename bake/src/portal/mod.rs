@@ -117,11 +117,10 @@ fn bake(
     }
     crate::pool(options.threads)?.install(|| {
         let mut surface = Surface::new(scene)?;
-        let (mut portals, n_doubled) = without_doubled(portals).map_err(Error::Scene)?;
+        let (portals, n_doubled) = without_doubled(portals).map_err(Error::Scene)?;
         if n_doubled > 0 {
             progress.note(&format!("portals: {n_doubled} triangles in the place of others left out"));
         }
-        openings::orient(scene, &mut portals)?;
         let (portals, n_parted) = openings::parted(scene, &portals)?;
         if n_parted > 0 {
             let n_panes: usize = portals.iter().map(|p| p.polygons().len()).sum();

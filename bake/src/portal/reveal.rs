@@ -3,8 +3,8 @@
 //! From points of the pane beside an edge, rays turn from along the pane, away over the edge, to straight out of the
 //! window: where what they meet comes to an end, the wall does. An edge has a [`Reveal`] where that is the same line all along
 //! it, and where rays that would cross what the line hides, drawn at random from all over the pane, are blocked
-//! before they reach it; else it has none, and rows say by themselves what is in the way, less sharply. Of a wall that ends in
-//! steps, rays from beside the edge find one, and rays from farther off another.
+//! before they reach it; else it has none, and rows say by themselves what is in the way, less sharply. A wall may end in steps,
+//! behind each of which more of it shows; those are kept that hide most as seen from some part of the pane.
 //!
 //! Where it breaks: more than [`STEPS`] steps; walls that bend.
 
@@ -100,6 +100,13 @@ impl<'a> Pane<'a> {
         (self.polygon[edge], self.polygon[(edge + 1) % self.polygon.len()])
     }
 
+    /// Unit, in the pane's plane, and how far that way the edge is from the middle.
+    fn away(&self, edge: usize) -> (Vec3, f32) {
+        let (a, b) = self.edge(edge);
+        let away = (b - a).cross(self.normal).normalize_or_zero();
+        (away, away.dot(a - self.centre))
+    }
+
     fn reveals(&self, edge: usize) -> [Reveal; STEPS] {
         let [outer, inner] = [-self.normal, self.normal].map(|out| self.ends(edge, out));
         std::array::from_fn(|i| [outer[i].depth, outer[i].offset, inner[i].depth, inner[i].offset])
@@ -117,8 +124,7 @@ impl<'a> Pane<'a> {
             }
         }
         // Each hides most as seen from some part of the pane, from its edge to the other side.
-        let (a, b) = self.edge(edge);
-        let across = 2.0 * (b - a).cross(self.normal).normalize_or_zero().dot(a - self.centre);
+        let across = 2.0 * self.away(edge).1;
         let mut wins = vec![0; found.len()];
         for i in 0..VIEWS {
             let from = across * (i as f32 + 0.5) / VIEWS as f32;
@@ -134,9 +140,8 @@ impl<'a> Pane<'a> {
 
     /// The ends of the wall as seen from points along an edge.
     fn ends_from(&self, edge: usize, start: f32, out: Vec3) -> [Vec<End>; POINTS] {
-        let (a, b) = self.edge(edge);
-        let away = (b - a).cross(self.normal).normalize_or_zero();
-        let inset = start * away.dot(a - self.centre);
+        let ((a, b), (away, from_middle)) = (self.edge(edge), self.away(edge));
+        let inset = start * from_middle;
         std::array::from_fn(|i| {
             let along = (i as f32 + 0.5) / POINTS as f32;
             let from = a.lerp(b, along) - inset * away + self.surface.lift * out;
@@ -208,8 +213,7 @@ impl<'a> Pane<'a> {
 
     /// Whether rays from the pane to beyond the end are blocked on their way.
     fn holds(&self, edge: usize, out: Vec3, end: End) -> bool {
-        let (a, b) = self.edge(edge);
-        let away = (b - a).cross(self.normal).normalize_or_zero();
+        let ((a, b), (away, _)) = (self.edge(edge), self.away(edge));
         let is_blocked = |&i: &usize| {
             let h = hash(self.seed, (edge * TRIALS + i) as u64);
             let [u, v] = [fractions(h), fractions(hash(h, 1))];

@@ -1,8 +1,8 @@
 //! Panes that lie in the place of others: glass modelled from both sides, or listed twice.
 //!
 //! Light would enter through each of them. A triangle that others before it cover is left out; one that they cover in part
-//! is an error, since which of them is meant is not for us to decide. Panes one behind the other, as of a double glazing, are no such: of
-//! those a ray counts the nearest.
+//! is an error, since which of them is meant is not for us to decide. Panes one behind the other, as of a double glazing, are
+//! no such: of those a ray counts the nearest.
 
 use glam::Vec3;
 
