@@ -20,7 +20,7 @@
 //! Which polygons the disc may shine through is told by balls around some of them together; only the rows of vertices that
 //! it reaches are read, at the few texels that it touches and around them.
 //!
-//! Where it breaks: what hides the sun from near by is blurred as if it were as far as the window; shadows whose edge
+//! Where it breaks: of three polygons in a row, what all have in common is taken off once too often; what hides the sun from near by is blurred as if it were as far as the window; shadows whose edge
 //! bends within a texel, or that have two; bars and leaves finer than texels dim the disc evenly; a share within
 //! [`ROUNDING`] of nothing or of all counts as that, since rows are rounded; integrals over cut texels take the middle
 //! for the mean, which is 1e-3 off at 32 texels on a side and 1e-2 at 8.
@@ -33,7 +33,7 @@ use std::ops::Range;
 use glam::{Vec2, Vec3};
 
 use crate::asset::{Asset, Data, Error};
-use crate::cubemap::footprint::{Eye, Footprint, clip_each, vector_area};
+use crate::cubemap::footprint::{Eye, Footprint, clip, clip_each, vector_area};
 use crate::cubemap::{face_axes, flat, place};
 use crate::indirect::vertex_area;
 use crate::light::Cap;
@@ -110,6 +110,8 @@ pub struct Panes<'a> {
 struct Window {
     pane: Pane,
     ball: Ball,
+    /// The first that lies in the same plane: from nowhere is one of these seen through another.
+    plane: usize,
 }
 
 /// No corner of what it is around is farther from its centre than its radius, metres.
@@ -261,7 +263,15 @@ impl<'a> Panes<'a> {
             let of_edges = range.start * steps..range.end * steps;
             Window::new(Pane::new(&corner[range], &reveals[of_edges]))
         };
-        let polygons: Vec<Window> = start.windows(2).map(polygon).collect();
+        let mut polygons: Vec<Window> = start.windows(2).map(polygon).collect();
+        let mut planes: Vec<usize> = Vec::new();
+        for i in 0..polygons.len() {
+            let known = planes.iter().copied().find(|&k| polygons[k].holds(&polygons[i]));
+            polygons[i].plane = known.unwrap_or_else(|| {
+                planes.push(i);
+                i
+            });
+        }
         Ok(Some(Panes {
             all: Ball::around(&polygons),
             groups: polygons.chunks(GROUP).map(Ball::around).collect(),
@@ -275,7 +285,13 @@ impl Window {
     fn new(pane: Pane) -> Window {
         let centre = pane.centre();
         let radius = pane.corners().iter().map(|c| c.distance(centre)).fold(0.0, f32::max);
-        Window { pane, ball: Ball { centre, radius } }
+        Window { pane, ball: Ball { centre, radius }, plane: 0 }
+    }
+
+    /// Whether the other lies in its plane.
+    fn holds(&self, other: &Window) -> bool {
+        let level = LEVEL * (self.ball.radius + other.ball.radius);
+        other.pane.corners().iter().all(|c| self.pane.height(*c).abs() < level)
     }
 
     /// `p`, but on the inside where it lies in the pane's plane.
@@ -450,10 +466,24 @@ impl Beam {
         let (s, wide) = (self.disc.axis, 4.0 * self.spread);
         let is_near = |window: &&Window| panes.polygons.len() <= GROUP || window.ball.is_near(p, s, wide);
         let mut lists = Default::default();
+        let mut before: Vec<&Window> = Vec::new();
         for window in panes.polygons.iter().filter(is_near) {
-            let p = window.inside(p);
-            window.pane.seen_from(p, &mut lists);
-            met(p, &lists[0]);
+            let at = window.inside(p);
+            window.pane.seen_from(at, &mut lists);
+            let mut parts = vec![std::mem::take(&mut lists[0])];
+            for other in before.iter().filter(|other| other.plane != window.plane) {
+                let sides: Vec<Vec3> = other.sides(p).collect();
+                let is_apart = |part: &[Vec3]| are_apart(p, (part, &[]), (other.pane.corners(), &sides));
+                parts = parts
+                    .into_iter()
+                    .flat_map(|part| match is_apart(&part) {
+                        true => vec![part],
+                        false => without(p, &part, &sides),
+                    })
+                    .collect();
+            }
+            parts.iter().for_each(|part| met(at, part));
+            before.push(window);
         }
     }
 
@@ -481,7 +511,7 @@ impl Beam {
     ) -> Option<&Size> {
         scratch.clear();
         if is_open {
-            scratch.push_cone(0);
+            scratch.push_cone(0, 0, 1.0);
             return self.sizes.first();
         }
         let way = self.find(p, panes, self.sizes[self.n_sizes - 1].radius, scratch)?;
@@ -499,13 +529,13 @@ impl Beam {
     fn find(&self, p: Vec3, panes: &Panes, widest: f32, scratch: &mut Scratch) -> Option<f32> {
         let (s, sine) = (self.disc.axis, widest.sin());
         let groups = panes.groups.iter().zip(panes.polygons.chunks(GROUP));
-        let near = groups.filter(|(ball, _)| ball.is_near(p, s, self.spread)).flat_map(|(_, panes)| panes);
+        let near = groups.enumerate().filter(|(_, (ball, _))| ball.is_near(p, s, self.spread));
+        let near = near.flat_map(|(g, (_, panes))| (g * GROUP..).zip(panes));
         let mut nearest: Option<f32> = None;
-        for window in near.filter(|window| window.ball.is_near(p, s, self.spread)) {
-            let Window { pane, ball } = window;
+        for (window, Window { pane, ball, .. }) in near.filter(|(_, w)| w.ball.is_near(p, s, self.spread)) {
             let first = scratch.n_sides;
             let (mut may_hold, mut may_touch) = (true, true);
-            for side in window.sides(p) {
+            for side in panes.polygons[window].sides(p) {
                 let (inside, square) = (side.dot(s), side.length_squared());
                 let is_within = |sine: f32| inside * inside < sine * sine * square;
                 may_hold &= inside > 0.0 || is_within(sine);
@@ -523,7 +553,7 @@ impl Beam {
                 scratch.n_sides = first;
                 continue;
             }
-            scratch.push_cone(first);
+            scratch.push_apart((p, first), panes, window);
             if may_hold {
                 // Where the axis meets the pane's plane.
                 let to = pane.centre() - p;
@@ -630,14 +660,19 @@ impl Size {
 
     /// Of a texel and of the disc's part in it what lies within the portal.
     fn portal_part(&self, piece: &Piece, normal: Vec3, scratch: &Scratch) -> (f32, f32) {
-        scratch.cones().fold((0.0, 0.0), |(whole, part), sides| match self.cut_piece(piece, normal, sides) {
-            Within::None => (whole, part),
-            Within::All => (whole + normal.dot(piece.whole), part + normal.dot(piece.part)),
-            Within::Cut(w, p) => {
-                let horizon = piece.flat(normal);
-                (whole + w.worth(horizon), part + p.worth(horizon))
-            }
-        })
+        let mut sums = (0.0, 0.0);
+        for (sides, sign) in scratch.cones() {
+            let (whole, part) = match self.cut_piece(piece, normal, sides) {
+                Within::None => continue,
+                Within::All => (normal.dot(piece.whole), normal.dot(piece.part)),
+                Within::Cut(whole, part) => {
+                    let horizon = piece.flat(normal);
+                    (whole.worth(horizon), part.worth(horizon))
+                }
+            };
+            sums = (sums.0 + sign * whole, sums.1 + sign * part);
+        }
+        sums
     }
 
     /// What of the disc's part in texel `i` lies on the lit side of the shadow's edge, as its share of the texel does;
@@ -659,13 +694,13 @@ impl Size {
         }
         let horizon = piece.flat(normal);
         let mut lit = 0.0;
-        for sides in scratch.cones() {
+        for (sides, sign) in scratch.cones() {
             let (whole, part) = match self.cut_piece(piece, normal, sides) {
                 Within::None => continue,
                 Within::All => (Cut::new(&piece.corners), Cut::new(&self.points[piece.points.clone()])),
                 Within::Cut(whole, part) => (whole, part),
             };
-            lit += part.clipped(line(&[whole], way, share, horizon)).worth(horizon);
+            lit += sign * part.clipped(line(&[whole], way, share, horizon)).worth(horizon);
         }
         trust * lit + (1.0 - trust) * plain
     }
@@ -738,12 +773,21 @@ enum Within {
     Cut(Cut, Cut),
 }
 
+/// What is seen through one polygon, all that lies within some sides; of no side it is all that is above the horizon.
+#[derive(Clone, Copy, Default)]
+struct Cone {
+    from: u16,
+    to: u16,
+    polygon: usize,
+    /// -1 for what two others have in common, and counted twice.
+    sign: f32,
+}
+
 /// Room to work in, for one thread; on the stack, so that no frame allocates.
 pub struct Scratch {
     sides: [Vec3; MOST_SIDES],
     n_sides: usize,
-    /// Ranges of sides.
-    cones: [(u16, u16); MOST_CONES],
+    cones: [Cone; MOST_CONES],
     n_cones: usize,
     /// Centre and normal of the nearest polygon that may hold a part of the disc.
     plane: Option<(Vec3, Vec3)>,
@@ -759,7 +803,7 @@ impl Default for Scratch {
         Scratch {
             sides: [Vec3::ZERO; MOST_SIDES],
             n_sides: 0,
-            cones: [(0, 0); MOST_CONES],
+            cones: [Cone::default(); MOST_CONES],
             n_cones: 0,
             plane: None,
             texels: [0.0; MOST_TEXELS],
@@ -782,12 +826,41 @@ impl Scratch {
         }
     }
 
-    /// Makes a cone of the sides from `first` on; of no side it is all that is above the horizon.
-    fn push_cone(&mut self, first: usize) {
-        if let Some(slot) = self.cones.get_mut(self.n_cones) {
-            *slot = (first as u16, self.n_sides as u16);
+    /// Makes a cone of the sides from `first` on, unless there was no room for all of them.
+    fn push_cone(&mut self, first: usize, polygon: usize, sign: f32) {
+        if let Some(slot) = self.cones.get_mut(self.n_cones)
+            && self.n_sides < MOST_SIDES
+        {
+            *slot = Cone { from: first as u16, to: self.n_sides as u16, polygon, sign };
             self.n_cones += 1;
         }
+    }
+
+    /// Makes a cone of the sides from `first` on, and takes off what it has in common with others: of polygons in a row, as a
+    /// window behind a glass door, each direction counts once.
+    fn push_apart(&mut self, (p, first): (Vec3, usize), panes: &Panes, polygon: usize) {
+        let (own, n_before) = (&panes.polygons[polygon], self.n_cones);
+        self.push_cone(first, polygon, 1.0);
+        let Some(&cone) = self.cones[..self.n_cones].get(n_before) else { return };
+        for k in 0..n_before {
+            let other = self.cones[k];
+            let window = &panes.polygons[other.polygon];
+            let is_in_a_row = other.sign > 0.0 && window.plane != own.plane && {
+                let [a, b] =
+                    [(own, cone), (window, other)].map(|(w, c)| (w.pane.corners(), self.sides_of(c)));
+                !are_apart(p, a, b)
+            };
+            if is_in_a_row {
+                let first = self.n_sides;
+                let both = (cone.from..cone.to).chain(other.from..other.to);
+                both.for_each(|i| self.push_side(self.sides[usize::from(i)]));
+                self.push_cone(first, polygon, -1.0);
+            }
+        }
+    }
+
+    fn sides_of(&self, cone: Cone) -> &[Vec3] {
+        &self.sides[usize::from(cone.from)..usize::from(cone.to)]
     }
 
     /// From T of piece `i`, the rest.
@@ -796,9 +869,35 @@ impl Scratch {
         self.share[i] = self.texels[i] / self.whole[i].max(f32::MIN_POSITIVE);
     }
 
-    fn cones(&self) -> impl Iterator<Item = &[Vec3]> {
-        self.cones[..self.n_cones].iter().map(|&(from, to)| &self.sides[usize::from(from)..usize::from(to)])
+    /// The sides of each cone, and how often it counts.
+    fn cones(&self) -> impl Iterator<Item = (&[Vec3], f32)> {
+        self.cones[..self.n_cones].iter().map(|cone| (self.sides_of(*cone), cone.sign))
     }
+}
+
+/// Whether a side of one of two convex polygons, as seen from `p`, has the other before it.
+fn are_apart(p: Vec3, a: (&[Vec3], &[Vec3]), b: (&[Vec3], &[Vec3])) -> bool {
+    let is_before = |side: &Vec3, corners: &[Vec3]| {
+        corners.iter().map(|c| *c - p).all(|d| side.dot(d) < LEVEL * side.length() * d.length())
+    };
+    a.1.iter().any(|side| is_before(side, b.0)) || b.1.iter().any(|side| is_before(side, a.0))
+}
+
+/// What of a polygon is not within some sides, as seen from `p`, in convex parts.
+fn without(p: Vec3, polygon: &[Vec3], sides: &[Vec3]) -> Vec<Vec<Vec3>> {
+    let (mut rest, mut parts) = (polygon.to_vec(), Vec::new());
+    for side in sides {
+        let half = |sign: f32| {
+            let mut half = Vec::new();
+            clip(&rest, &mut half, |q| sign * side.dot(q - p));
+            half
+        };
+        let before = half(-1.0);
+        rest = half(1.0);
+        parts.push(before);
+    }
+    parts.retain(|part| part.len() > 2);
+    parts
 }
 
 /// A convex polygon in a face's plane that is being cut.

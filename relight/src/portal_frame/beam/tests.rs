@@ -22,6 +22,16 @@ fn panes() -> [Vec<Vec3>; 2] {
     ]
 }
 
+/// Holes half-way up, with bars between them, before a part of the window and beyond its rim.
+fn holes() -> Vec<Vec<Vec3>> {
+    let hole = |i: usize| {
+        let (x, z) = (0.4 * (i % 4) as f32 - 0.5, 0.5 * (i / 4) as f32 - 1.2);
+        let at = |x: f32, z: f32| Vec3::new(x, 0.5 * HEIGHT, z);
+        vec![at(x, z), at(x + 0.35, z), at(x + 0.35, z + 0.4), at(x, z + 0.4)]
+    };
+    (0..12).map(hole).collect()
+}
+
 /// A floor whose normals lean, of which a part `seen` of what the window sends arrives; vertex 7 is outside, under the
 /// open sky.
 fn floor(seen: f32, choice: Choice) -> Asset<'static> {
@@ -80,15 +90,16 @@ fn truth(asset: &Asset, disc: &Cap, v: usize) -> f32 {
 }
 
 fn truth_at(p: Vec3, n: Vec3, disc: &Cap) -> f32 {
-    let is_in = |d: Vec3| {
-        let hit = p + d * ((HEIGHT - p.y) / d.y);
-        let is_in = |pane: &Vec<Vec3>| {
-            let side = |i: usize| (pane[(i + 1) % pane.len()] - pane[i]).cross(hit - pane[i]).y <= 0.0;
-            (0..pane.len()).all(side)
-        };
-        d.y > 0.0 && panes().iter().any(is_in)
+    by_points(n, disc, |d| is_in_pane(p, d))
+}
+
+fn is_in_pane(p: Vec3, d: Vec3) -> bool {
+    let hit = p + d * ((HEIGHT - p.y) / d.y);
+    let is_in = |pane: &Vec<Vec3>| {
+        let side = |i: usize| (pane[(i + 1) % pane.len()] - pane[i]).cross(hit - pane[i]).y <= 0.0;
+        (0..pane.len()).all(side)
     };
-    by_points(n, disc, is_in)
+    d.y > 0.0 && panes().iter().any(is_in)
 }
 
 fn outside(n: Vec3, disc: &Cap) -> f32 {
@@ -132,6 +143,79 @@ fn disc_through_a_window_is_as_sharp_as_the_window() {
             // Measured 0.002 to 0.2 %, most by the corners that stand for the disc; in texels 1.3 to 16 %.
             assert!(all > 10.0 && off < 0.004 * all && coarse_off > 5.0 * off, "{off} {coarse_off} of {all}");
         }
+    }
+}
+
+/// As [`floor`], with the holes, through which as much light comes as through the window behind them.
+fn floor_behind_holes() -> Asset<'static> {
+    let mut asset = floor(1.0, Choice::Smaller);
+    let mut store = RowStore::default();
+    let mut encoder = Encoder::new(N, Encoding { tolerance: 0.002, choice: Choice::Smaller });
+    for (p, n) in asset.positions().iter().zip(asset.normals()) {
+        let eye = Eye { origin: Vec3::from(*p), normal: Vec3::from(*n), n: N };
+        let mut row = vec![0.0; n_texels(N)];
+        let mut add = |sign: f32, polygon: &[Vec3]| {
+            let mut footprint = Footprint::default();
+            footprint.add_polygon(&eye, 0, polygon);
+            footprint.cells.iter().for_each(|cell| row[cell.texel] += sign * cell.worth);
+        };
+        panes().iter().for_each(|pane| add(1.0, pane));
+        for (hole, pane) in holes().iter().flat_map(|hole| panes().map(|pane| (hole, pane))) {
+            // Twice as far, in the window's plane, what both have in common.
+            let shadow: Vec<Vec3> = hole.iter().map(|c| eye.origin + 2.0 * (*c - eye.origin)).collect();
+            let (mut common, mut other) = (shadow.clone(), Vec::new());
+            for k in 0..pane.len() {
+                let (a, along) = (pane[k], pane[(k + 1) % pane.len()] - pane[k]);
+                clip(&common, &mut other, |q| -along.cross(q - a).y);
+                std::mem::swap(&mut common, &mut other);
+            }
+            add(-1.0, &common);
+        }
+        holes().iter().for_each(|hole| add(1.0, hole));
+        row.iter_mut().for_each(|t| *t = t.max(0.0));
+        store.push(&encoder.encode(&row));
+    }
+    store.insert_into(&mut asset, "portal.0.direct", N).unwrap();
+    let corners: Vec<f32> =
+        [panes().concat(), holes().concat()].concat().iter().flat_map(|c| c.to_array()).collect();
+    let ends =
+        [0, 4, 7].into_iter().chain((1..=holes().len() as u32).map(|i| 7 + 4 * i)).collect::<Vec<u32>>();
+    asset.insert("portal.0.corner", &[corners.len() / 3, 3], Data::F32(Cow::Owned(corners)));
+    asset.insert("portal.0.polygon", &[ends.len()], Data::U32(Cow::Owned(ends)));
+    asset
+}
+
+#[test]
+fn panes_in_a_row_count_once() {
+    let asset = floor_behind_holes();
+    let is_in_hole = |p: Vec3, d: Vec3| {
+        let hit = p + d * ((0.5 * HEIGHT - p.y) / d.y);
+        let side = |hole: &Vec<Vec3>, k: usize| (hole[(k + 1) % 4] - hole[k]).cross(hit - hole[k]).y <= 0.0;
+        d.y > 0.0 && holes().iter().any(|hole| (0..4).all(|k| side(hole, k)))
+    };
+    for (i, radius) in [0.0047, 0.03, 0.1].into_iter().enumerate() {
+        let disc = disc(radius, 1.1 * i as f32);
+        let mut texels = vec![[0.0; 3]; n_texels(N)];
+        project_light(&Light::new(Source::Cap(disc)), N, &mut texels);
+        let mut frame = PortalFrame::new(&asset).unwrap();
+        frame.set_shell_with_discs(0, Shell::new(N, &texels).unwrap(), &[disc]).unwrap();
+        let mut direct = vec![[0.0; 3]; asset.n_vertices()];
+        frame.direct(0, &mut direct);
+        let mut detail = Detail::new(&frame);
+        let (mut off, mut all, mut between) = (0.0, 0.0, 0.0);
+        for v in (0..SIDE * (SIDE - 1)).filter(|v| v % SIDE < SIDE - 1 && !(6..=7).contains(v)) {
+            let truth = |p: Vec3, n: Vec3| by_points(n, &disc, |d| is_in_pane(p, d) || is_in_hole(p, d));
+            let expected = truth(asset.positions()[v].into(), asset.normals()[v].into());
+            assert!((direct[v][1] - expected).abs() < 0.05, "{v}: {} {expected}", direct[v][1]);
+            off += (direct[v][1] - expected).abs();
+            all += expected;
+            let corners = [v, v + 1, v + SIDE].map(|v| v as u32);
+            let point = Point { corners, weights: [0.5, 0.2, 0.3], radius: 0.0 };
+            let [p, n, plain] = [asset.positions(), asset.normals(), &direct[..]].map(|of| point.mean(of));
+            between += (plain.y + detail.at(&point)[1] - truth(p, n.normalize())).abs();
+        }
+        // Found 0.0013 at most; where panes count twice, single vertices are 0.2 off.
+        assert!(all > 10.0 && off < 0.004 * all && between < 0.006 * all, "{off} {between} of {all}");
     }
 }
 
