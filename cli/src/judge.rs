@@ -96,7 +96,9 @@ impl Judge {
         let mut area: Vec<f32> = triangles.iter().map(|t| triangle_area(mesh, t)).collect();
         if !portals.is_empty() {
             // Outer walls are lit by more than portals, and are not what an interior is baked for.
-            let inside = lunette_bake::openings::inside(scene, portals).map_err(|e| anyhow!("{e}"))?;
+            let inside = lunette_bake::openings::parted(scene, portals)
+                .and_then(|(panes, _)| lunette_bake::openings::inside(scene, &panes))
+                .map_err(|e| anyhow!("{e}"))?;
             let is_inside = |t: &[u32; 3]| t.iter().all(|&v| inside[v as usize]);
             ensure!(
                 mesh.index.iter().any(is_inside),
