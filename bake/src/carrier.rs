@@ -11,6 +11,8 @@
 //! where it is even, so that what is lit may be as small as a patch wherever it is; neighbours share theirs. A frame
 //! averages R over the nodes, iterates B at the patches, which have rows of their own, and takes K products per vertex.
 //!
+//! What a vertex sees of small and far patches is known better than few rays tell ([`expected`]).
+//!
 //! Where it breaks: detail of bounced light finer than a patch, which shows beside the edge of a sunlit spot; noise of the
 //! rays within a node, where a sun lights a small part of what a vertex sees; and backs of one-sided surfaces, which give
 //! nothing back.
@@ -18,6 +20,7 @@
 //! Based on: M. Hašan, F. Pellacini, K. Bala, Direct-to-Indirect Transfer for Cinematic Relighting, 2006; P. Hanrahan,
 //! D. Salzman, L. Aupperle, A Rapid Hierarchical Radiosity Algorithm, 1991 (links to nodes of a tree).
 
+mod expected;
 mod links;
 mod tree;
 
@@ -35,6 +38,7 @@ use crate::glossy::vertex_reflectance;
 use crate::sampling::{HemisphereSets, LANES as RAYS, hash};
 use crate::smooth::{REGIONS, Shares, Smoother};
 use crate::{Error, Options, Progress, Surface};
+use expected::{Expected, Scratch};
 use links::{Linker, Links};
 pub use tree::Tree;
 
@@ -126,12 +130,26 @@ pub fn carrier(
     };
     let seen: Vec<Shares> = (0..n_vertices).into_par_iter().map(shares).collect();
     let rings = lie.smoother.rings(&seen, sets.n_rays());
+    // What sees nothing lies in other geometry.
+    let open: Vec<f32> =
+        sending.iter().zip(&area).map(|(sending, area)| if *sending > 0.0 { *area } else { 0.0 }).collect();
+    let expected = Expected::new(&tree, &scene.mesh, &patches.members, &open);
     let of_vertex = |&v: &usize, dense: &mut [f32]| {
         // Not a trace of light where none can come.
-        if sees_light(donors[v]) {
-            for (u, weight) in lie.smoother.kernel(donors[v], rings[donors[v]]) {
+        let v = donors[v];
+        if sees_light(v) {
+            let mut weights = 0.0;
+            for (u, weight) in lie.smoother.kernel(v, rings[v]) {
                 rows.of(u as usize).for_each(|(p, share)| dense[p] += weight * share);
+                weights += weight * weight;
             }
+            let point = (scene.mesh.position[v], scene.mesh.normal[v]);
+            expected.refine(point, sets.n_rays() as f32 / weights, dense, &mut Scratch::default());
+            dense
+                .iter_mut()
+                .zip(&reached)
+                .filter(|(_, reached)| !**reached)
+                .for_each(|(share, _)| *share = 0.0);
         }
     };
     let of_patch = |members: &Vec<usize>, dense: &mut [f32]| {
