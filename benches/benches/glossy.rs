@@ -66,7 +66,7 @@ struct Effort {
 /// Links as they are by default, and as many as fit in 600 bytes per vertex.
 const EFFORTS: [Effort; 2] = [
     Effort { name: "1024 rays, 448 links", rays: 1024, links: 448, refined: 0 },
-    Effort { name: "4096 rays, 960 links, refined twice", rays: 4096, links: 960, refined: 2 },
+    Effort { name: "4096 rays, 940 links, refined twice", rays: 4096, links: 940, refined: 2 },
 ];
 
 fn main() {
