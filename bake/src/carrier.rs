@@ -38,7 +38,7 @@ use crate::glossy::vertex_reflectance;
 use crate::sampling::{HemisphereSets, LANES as RAYS, hash};
 use crate::smooth::{REGIONS, Shares, Smoother};
 use crate::{Error, Options, Progress, Surface};
-use expected::{Expected, Scratch};
+use expected::Expected;
 use links::{Linker, Links};
 pub use tree::Tree;
 
@@ -144,12 +144,9 @@ pub fn carrier(
                 weights += weight * weight;
             }
             let point = (scene.mesh.position[v], scene.mesh.normal[v]);
-            expected.refine(point, sets.n_rays() as f32 / weights, dense, &mut Scratch::default());
-            dense
-                .iter_mut()
-                .zip(&reached)
-                .filter(|(_, reached)| !**reached)
-                .for_each(|(share, _)| *share = 0.0);
+            expected.refine(point, sets.n_rays() as f32 / weights, dense);
+            let unreached = dense.iter_mut().zip(&reached).filter(|(_, reached)| !**reached);
+            unreached.for_each(|(share, _)| *share = 0.0);
         }
     };
     let of_patch = |members: &Vec<usize>, dense: &mut [f32]| {

@@ -46,13 +46,6 @@ pub struct Expected<'a> {
     nearest: Vec<f32>,
 }
 
-/// Room to work in.
-#[derive(Clone, Default)]
-pub struct Scratch {
-    /// Of each node what rays met, what is to be expected, and what it gets.
-    nodes: Vec<[f32; 3]>,
-}
-
 impl<'a> Expected<'a> {
     /// Of patches of these vertices, of which each counts with so much area, m².
     pub fn new(tree: &'a Tree, mesh: &Mesh, members: &[Vec<usize>], area: &[f32]) -> Expected<'a> {
@@ -71,10 +64,9 @@ impl<'a> Expected<'a> {
     }
 
     /// Puts the shares of all patches right that a point sees by some rays.
-    pub fn refine(&self, (p, n): (Vec3, Vec3), rays: f32, shares: &mut [f32], scratch: &mut Scratch) {
-        let nodes = &mut scratch.nodes;
-        nodes.clear();
-        nodes.resize(self.tree.children.len(), [0.0; 3]);
+    pub fn refine(&self, (p, n): (Vec3, Vec3), rays: f32, shares: &mut [f32]) {
+        // Of each node what rays met, what is to be expected, and what it gets.
+        let mut nodes = vec![[0.0f32; 3]; self.tree.children.len()];
         for (i, (&node, share)) in self.leaves.iter().zip(&*shares).enumerate() {
             let to = self.middle[i] - p;
             let square = to.length_squared();
@@ -82,7 +74,7 @@ impl<'a> Expected<'a> {
             let seen = cosines / (PI * square.max(self.nearest[i]) * square).max(f32::MIN_POSITIVE);
             nodes[node] = [*share, seen, 0.0];
         }
-        self.tree.add_up(nodes, |l, r| [l[0] + r[0], l[1] + r[1], 0.0]);
+        self.tree.add_up(&mut nodes, |l, r| [l[0] + r[0], l[1] + r[1], 0.0]);
         nodes[0][2] = nodes[0][0];
         for node in 0..nodes.len() {
             let (whole, [l, r]) = (nodes[node][2], self.tree.children[node].map(usize::from));
@@ -173,7 +165,7 @@ mod tests {
         let off = |shares: &[f32]| shares.iter().zip(&truth).map(|(a, b)| (a - b).abs()).sum::<f32>();
         let by_rays = off(&shares);
         let before: f32 = shares.iter().sum();
-        expected.refine((p, Vec3::NEG_Y), RAYS as f32, &mut shares, &mut Scratch::default());
+        expected.refine((p, Vec3::NEG_Y), RAYS as f32, &mut shares);
         assert!((shares.iter().sum::<f32>() - before).abs() < 1e-4, "the sum stays");
         let hidden = shares.iter().zip(&truth).filter(|(_, t)| **t == 0.0).map(|(s, _)| *s).sum();
         [by_rays, off(&shares), hidden]

@@ -20,10 +20,11 @@
 //! Which polygons the disc may shine through is told by balls around some of them together; only the rows of vertices that
 //! it reaches are read, at the few texels that it touches and around them.
 //!
-//! Where it breaks: of three polygons in a row, what all have in common is taken off once too often; what hides the sun from near by is blurred as if it were as far as the window; shadows whose edge
-//! bends within a texel, or that have two; bars and leaves finer than texels dim the disc evenly; a share within
-//! [`ROUNDING`] of nothing or of all counts as that, since rows are rounded; integrals over cut texels take the middle
-//! for the mean, which is 1e-3 off at 32 texels on a side and 1e-2 at 8.
+//! Where it breaks: of three polygons in a row, what all have in common is taken off once too often; what hides the sun
+//! from near by is blurred as if it were as far as the window; shadows whose edge bends within a texel, or that have two;
+//! bars and leaves finer than texels dim the disc evenly; a share within [`ROUNDING`] of nothing or of all counts as that,
+//! since rows are rounded; integrals over cut texels take the middle for the mean, which is 1e-3 off at 32 texels on a
+//! side and 1e-2 at 8.
 //!
 //! Based on: D. L. Youngs, Time-Dependent Multi-Material Flow with Large Fluid Distortion, 1982 (edges from shares).
 

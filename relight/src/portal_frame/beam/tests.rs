@@ -81,6 +81,17 @@ fn direct(asset: &Asset, material: Material, disc: &Cap, is_told: bool) -> Vec<f
     out.into_iter().map(|e| e[1]).collect()
 }
 
+/// A frame under a disc, and the direct light of its vertices.
+fn lit<'a>(asset: &'a Asset<'a>, disc: &Cap) -> (PortalFrame<'a>, Vec<[f32; 3]>) {
+    let mut texels = vec![[0.0; 3]; n_texels(N)];
+    project_light(&Light::new(Source::Cap(*disc)), N, &mut texels);
+    let mut frame = PortalFrame::new(asset).unwrap();
+    frame.set_shell_with_discs(0, Shell::new(N, &texels).unwrap(), &[*disc]).unwrap();
+    let mut direct = vec![[0.0; 3]; asset.n_vertices()];
+    frame.direct(0, &mut direct);
+    (frame, direct)
+}
+
 /// By many points of the disc, each of which is in a pane or not.
 fn truth(asset: &Asset, disc: &Cap, v: usize) -> f32 {
     match v {
@@ -195,12 +206,7 @@ fn panes_in_a_row_count_once() {
     };
     for (i, radius) in [0.0047, 0.03, 0.1].into_iter().enumerate() {
         let disc = disc(radius, 1.1 * i as f32);
-        let mut texels = vec![[0.0; 3]; n_texels(N)];
-        project_light(&Light::new(Source::Cap(disc)), N, &mut texels);
-        let mut frame = PortalFrame::new(&asset).unwrap();
-        frame.set_shell_with_discs(0, Shell::new(N, &texels).unwrap(), &[disc]).unwrap();
-        let mut direct = vec![[0.0; 3]; asset.n_vertices()];
-        frame.direct(0, &mut direct);
+        let (frame, direct) = lit(&asset, &disc);
         let mut detail = Detail::new(&frame);
         let (mut off, mut all, mut between) = (0.0, 0.0, 0.0);
         for v in (0..SIDE * (SIDE - 1)).filter(|v| v % SIDE < SIDE - 1 && !(6..=7).contains(v)) {
@@ -284,12 +290,7 @@ fn between_vertices_a_disc_is_as_sharp_as_at_them() {
         let asset = floor(seen, choice);
         for (i, radius) in [0.0047, 0.03, 0.1].into_iter().enumerate() {
             let disc = disc(radius, 1.1 * i as f32);
-            let mut texels = vec![[0.0; 3]; n_texels(N)];
-            project_light(&Light::new(Source::Cap(disc)), N, &mut texels);
-            let mut frame = PortalFrame::new(&asset).unwrap();
-            frame.set_shell_with_discs(0, Shell::new(N, &texels).unwrap(), &[disc]).unwrap();
-            let mut direct = vec![[0.0; 3]; asset.n_vertices()];
-            frame.direct(0, &mut direct);
+            let (frame, direct) = lit(&asset, &disc);
             let mut detail = Detail::new(&frame);
             let (mut off, mut all) = (0.0, 0.0);
             for v in (0..SIDE * (SIDE - 1)).filter(|v| v % SIDE < SIDE - 1 && !(6..=7).contains(v)) {
