@@ -24,6 +24,8 @@ mod expected;
 mod links;
 mod tree;
 
+use std::sync::atomic::AtomicU64;
+
 use glam::Vec3;
 use half::f16;
 use lunette_ffi as ffi;
@@ -33,7 +35,7 @@ use lunette_scenes::Scene;
 use rayon::prelude::*;
 
 use crate::fill;
-use crate::gather::{lane_of, packet};
+use crate::gather::{Arriving, Pass, bounced, lane_of, packet};
 use crate::glossy::vertex_reflectance;
 use crate::sampling::{HemisphereSets, LANES as RAYS, hash};
 use crate::smooth::{REGIONS, Shares, Smoother};
@@ -59,6 +61,8 @@ pub struct Lie<'a> {
     pub buried: &'a [usize],
     /// Outside, where no light is worth computing.
     pub unlit: &'a [bool],
+    /// Outside, and lit by the sky.
+    pub outer: &'a [bool],
     /// Direct irradiance under a uniform light of radiance 1.
     pub uniform: &'a [f32],
     /// Of noise in rows.
@@ -101,7 +105,10 @@ pub fn carrier(
     let n_vertices = scene.mesh.position.len();
     let area = scene.mesh.vertex_area();
     let most = options.patches.min(n_vertices.div_ceil(4)).max(1);
-    let cut = |most| Tree::new(scene, &sizes(&area), lie.uniform, lie.unlit, most);
+    let importance = importance(surface, options, lie, progress)?;
+    // The square root, for a sun lights little of a place and that as brightly as any.
+    let sizes: Vec<f32> = sizes(&area).iter().zip(&importance).map(|(size, i)| size * i.sqrt()).collect();
+    let cut = |most| Tree::new(scene, &sizes, lie.uniform, lie.unlit, most);
     let tree = cut(most);
     let leaf = tree.leaf_of_vertices();
     let rays = options.rays.max(FEWEST_RAYS).next_multiple_of(RAYS);
@@ -185,6 +192,51 @@ pub fn carrier(
     }
     all.extend(linker.link(&weight, &patches.blocks(), of_patch));
     Ok(all.into_carrier(&order, tree, &weight))
+}
+
+/// Bounces followed by [`importance`], and rays of each vertex in one.
+const EXPECTED: (u64, usize) = (4, 16);
+
+/// How much each vertex is expected to send to others inside: irradiance under a uniform light, of few rays, and of an
+/// outer one the share that it sends inside.
+fn importance(
+    surface: &Surface,
+    options: &Options,
+    lie: &Lie,
+    progress: &dyn Progress,
+) -> Result<Vec<f32>, Error> {
+    let (passes, n_rays) = EXPECTED;
+    let n = lie.uniform.len();
+    let total = ((passes as usize + 1) * n * n_rays) as u64;
+    // What vertices get of what all send.
+    let gather = |b: u64, last: &[f32], before_last: &[f32], unlit: &[bool]| -> Result<Vec<f32>, Error> {
+        let seed = hash(options.seed, 0xe0 + b);
+        let sets = HemisphereSets::new(n_rays, seed);
+        let done = AtomicU64::new(b * (n * n_rays) as u64);
+        let pass =
+            Pass { surface, sets: &sets, order: 0, seed, stage: "where light comes", total, done: &done };
+        let escapes = |_: u32, _: Vec3, _: Vec3| false;
+        let arriving = Arriving { columns: 0..1, last, before_last, many: None, escapes: &escapes, unlit };
+        let mut rows = vec![0.0; 3 * n];
+        bounced(&pass, &arriving, &mut rows, progress)?;
+        Ok(rows)
+    };
+    let three = |of: &dyn Fn(usize) -> f32| (0..n).flat_map(|v| [of(v); 3]).collect::<Vec<f32>>();
+    let direct = three(&|v| lie.uniform[v]);
+    let (mut last, mut before_last) = (direct.clone(), Vec::new());
+    for b in 0..passes {
+        let mut next = gather(b, &last, &before_last, lie.unlit)?;
+        next.iter_mut().zip(&direct).for_each(|(e, direct)| *e += direct);
+        before_last = std::mem::replace(&mut last, next);
+    }
+    let inner = three(&|v| if lie.outer[v] || lie.unlit[v] { 0.0 } else { 1.0 });
+    let is_inner: Vec<bool> = lie.outer.iter().map(|outer| !outer).collect();
+    let inwards = gather(passes, &inner, &[], &is_inner)?;
+    let of = |v: usize| {
+        let mean = |rows: &[f32]| rows[3 * v..][..3].iter().sum::<f32>() / 3.0;
+        mean(&last) * if lie.outer[v] { mean(&inwards) } else { 1.0 }
+    };
+    Ok((0..n).map(of).collect())
 }
 
 /// Lobes are as bright as that many even coats where they shine.

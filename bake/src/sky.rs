@@ -109,7 +109,13 @@ impl<'a> Work<'a> {
         let unlit = vec![false; uniform.len()];
         let sets = HemisphereSets::new(BURIAL_RAYS, hash(self.options.seed, u64::MAX));
         let smoother = Smoother::new(&scene.mesh, &smooth::reach(self.surface, None, &sets, &[]));
-        let lie = Lie { buried: &donors.filled(), unlit: &unlit, uniform: &uniform, smoother: &smoother };
+        let lie = Lie {
+            buried: &donors.filled(),
+            unlit: &unlit,
+            outer: &unlit,
+            uniform: &uniform,
+            smoother: &smoother,
+        };
         carrier(scene, self.surface, self.options, &lie, self.progress)?.insert_into(asset);
         Ok(())
     }

@@ -1,14 +1,12 @@
 //! The surface, halved again and again.
 //!
-//! The heaviest part is halved first, by area, across its widest extent in space, normal and expected light, until there
-//! are as many parts as asked for; weight is area times that extent, so that a patch does not lie in two rooms.
+//! The heaviest part is halved first, by size, across its widest extent in space, normal and expected light, until there
+//! are as many parts as asked for; weight is size times that extent, so that a patch does not lie in two rooms. Size is
+//! area, by what is expected to be sent from it: ground far outside of a window takes no patches from the room.
 
+use glam::Vec3;
 use lunette_relight::asset::NO_PATCH;
 use lunette_scenes::Scene;
-
-/// Weight of a normal, and of the light as a part of that in the open, against a position in the cutting of patches, in
-/// diagonals of the scene: opposite sides of a wall must part, and what lies outside of a window from what lies inside.
-const NORMAL_WEIGHT: f32 = 0.25;
 
 /// Of place, normal and light.
 const AXES: usize = 7;
@@ -22,39 +20,44 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// Cuts the vertices that are not `unlit` into at most `most` patches. `uniform` is the irradiance of each under a
-    /// uniform sky of radiance 1.
-    pub fn new(scene: &Scene, area: &[f32], uniform: &[f32], unlit: &[bool], most: usize) -> Tree {
-        let (low, high) = scene.mesh.bounds();
-        let weight = NORMAL_WEIGHT * (high - low).length();
+    /// Cuts the vertices that are not `unlit` into at most `most` patches. `size` is what each counts, at least 0;
+    /// `uniform` is the irradiance of each under a uniform sky of radiance 1.
+    pub fn new(scene: &Scene, size: &[f32], uniform: &[f32], unlit: &[bool], most: usize) -> Tree {
         let key = |v: usize| {
-            let (p, n) = (scene.mesh.position[v], scene.mesh.normal[v] * weight);
-            [p.x, p.y, p.z, n.x, n.y, n.z, weight * uniform[v] / std::f32::consts::PI]
+            let (p, n) = (scene.mesh.position[v], scene.mesh.normal[v]);
+            [p.x, p.y, p.z, n.x, n.y, n.z, uniform[v] / std::f32::consts::PI]
         };
-        let all: Vec<usize> = (0..area.len()).filter(|&v| !unlit[v]).collect();
-        let extent = |list: &[usize], axis: usize| {
-            let values = list.iter().map(|&v| key(v)[axis]);
-            let (lo, hi) = values.fold((f32::MAX, f32::MIN), |(lo, hi), x| (lo.min(x), hi.max(x)));
-            if lo < hi { hi - lo } else { 0.0 }
+        let all: Vec<usize> = (0..size.len()).filter(|&v| !unlit[v]).collect();
+        let weight = reach(scene, size, &all);
+        // Of each axis, metres.
+        let extents = |list: &[usize]| {
+            let (mut low, mut high) = ([f32::MAX; AXES], [f32::MIN; AXES]);
+            for key in list.iter().map(|&v| key(v)) {
+                low.iter_mut().zip(key).for_each(|(low, x)| *low = low.min(x));
+                high.iter_mut().zip(key).for_each(|(high, x)| *high = high.max(x));
+            }
+            let scale = |axis: usize| if axis < 3 { 1.0 } else { weight };
+            std::array::from_fn::<f32, AXES, _>(|axis| scale(axis) * (high[axis] - low[axis]).max(0.0))
         };
         // Wide ones before compact ones.
         let weigh = |list: &[usize]| {
-            let widest = (0..AXES).map(|axis| extent(list, axis)).fold(0.0, f32::max);
-            f64::from(widest) * list.iter().map(|&v| f64::from(area[v])).sum::<f64>()
+            let widest = extents(list).into_iter().fold(0.0, f32::max);
+            f64::from(widest) * list.iter().map(|&v| f64::from(size[v])).sum::<f64>()
         };
-        let mut tree = Tree { children: vec![[0, 0]], patch: vec![NO_PATCH; area.len()] };
+        let mut tree = Tree { children: vec![[0, 0]], patch: vec![NO_PATCH; size.len()] };
         // The number breaks ties, so that the order is the same everywhere.
         let mut heap = std::collections::BTreeMap::from([((weigh(&all).to_bits(), 0usize), all)]);
         let mut finished: Vec<(usize, Vec<usize>)> = Vec::new();
         while heap.len() + finished.len() < most.min(usize::from(NO_PATCH) / 2) {
             let Some(((_, node), mut list)) = heap.pop_last() else { break };
-            let axis = (0..AXES).max_by(|&a, &b| extent(&list, a).total_cmp(&extent(&list, b))).unwrap_or(0);
-            if list.len() < 2 || extent(&list, axis) <= 0.0 {
+            let extents = extents(&list);
+            let axis = (0..AXES).max_by(|&a, &b| extents[a].total_cmp(&extents[b])).unwrap_or(0);
+            if list.len() < 2 || extents[axis] <= 0.0 {
                 finished.push((node, list));
                 continue;
             }
             list.sort_by(|&a, &b| key(a)[axis].total_cmp(&key(b)[axis]).then(a.cmp(&b)));
-            let rest = list.split_off(middle(&list, area));
+            let rest = list.split_off(middle(&list, size));
             for (side, part) in [list, rest].into_iter().enumerate() {
                 let child = tree.children.len();
                 tree.children[node][side] = child as u16;
@@ -124,13 +127,50 @@ impl Tree {
     }
 }
 
-/// Where a sorted list has half of its area on each side; never at an end.
-fn middle(list: &[usize], area: &[f32]) -> usize {
-    let half: f64 = 0.5 * list.iter().map(|&v| f64::from(area[v])).sum::<f64>();
+/// Root mean square of distances from the centre of gravity, metres. It is the weight of a normal, and of the light as a
+/// part of that in the open, against a position: opposite sides of a wall must part, and what lies outside of a window
+/// from what lies inside. By the whole scene's extent, a long corridor beside the room would be parted by normals alone.
+fn reach(scene: &Scene, size: &[f32], all: &[usize]) -> f32 {
+    let whole = all.iter().map(|&v| size[v]).sum::<f32>().max(f32::MIN_POSITIVE);
+    let centre = all.iter().map(|&v| size[v] / whole * scene.mesh.position[v]).sum::<Vec3>();
+    let square = |v: usize| size[v] / whole * (scene.mesh.position[v] - centre).length_squared();
+    all.iter().map(|&v| square(v)).sum::<f32>().sqrt()
+}
+
+/// Where a sorted list has half of its size on each side; never at an end.
+fn middle(list: &[usize], size: &[f32]) -> usize {
+    let half: f64 = 0.5 * list.iter().map(|&v| f64::from(size[v])).sum::<f64>();
     let mut sum = 0.0;
     let at = list.iter().take_while(|&&v| {
-        sum += f64::from(area[v]);
+        sum += f64::from(size[v]);
         sum < half
     });
     at.count().clamp(1, list.len() - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patches_lie_where_something_is_sent_from() {
+        // A room, and the same again 100 m away in which what is sent is a ten thousandth.
+        let scene = lunette_scenes::builtin::build("box-room:edge=0.4").unwrap();
+        let mut both = scene.clone();
+        both.mesh.position.extend(scene.mesh.position.iter().map(|p| *p + Vec3::new(100.0, 0.0, 0.0)));
+        both.mesh.normal.extend(&scene.mesh.normal);
+        let n = scene.mesh.position.len();
+        let size: Vec<f32> = (0..2 * n).map(|v| if v < n { 1.0 } else { 1e-4 }).collect();
+        let tree = Tree::new(&both, &size, &vec![0.0; 2 * n], &vec![false; 2 * n], 256);
+        let (mut here, mut mixed) = (0, 0);
+        for members in tree.members() {
+            let inside = members.iter().filter(|v| **v < n).count();
+            here += usize::from(inside == members.len());
+            mixed += usize::from(inside > 0 && inside < members.len());
+        }
+        assert_eq!((tree.n_leaves(), mixed), (256, 0));
+        assert!(here >= 240, "{here} of 256 patches lie in the room that sends");
+        // Nothing sends: patches there are none the less.
+        assert_eq!(Tree::new(&scene, &vec![0.0; n], &vec![0.0; n], &vec![false; n], 16).n_leaves(), 16);
+    }
 }

@@ -339,8 +339,14 @@ impl Work<'_> {
             let lit = self.response(k, asset, |_| [1.0; 3]);
             uniform.iter_mut().zip(lit).for_each(|(sum, e)| *sum += e[0]);
         }
-        let lie =
-            Lie { buried: &self.buried, unlit: &self.unlit, uniform: &uniform, smoother: &self.smoother };
+        let outer: Vec<bool> = self.owners.iter().map(|owner| *owner != outside::NONE).collect();
+        let lie = Lie {
+            buried: &self.buried,
+            unlit: &self.unlit,
+            outer: &outer,
+            uniform: &uniform,
+            smoother: &self.smoother,
+        };
         carrier(self.scene, self.surface, self.options, &lie, self.progress)?.insert_into(asset);
         Ok(())
     }
