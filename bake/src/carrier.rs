@@ -106,8 +106,7 @@ pub fn carrier(
     let area = scene.mesh.vertex_area();
     let most = options.patches.min(n_vertices.div_ceil(4)).max(1);
     let importance = importance(surface, options, lie, progress)?;
-    // The square root, for a sun lights little of a place and that as brightly as any.
-    let sizes: Vec<f32> = sizes(&area).iter().zip(&importance).map(|(size, i)| size * i.sqrt()).collect();
+    let sizes = sizes(&area, &importance);
     let cut = |most| Tree::new(scene, &sizes, lie.uniform, lie.unlit, most);
     let tree = cut(most);
     let leaf = tree.leaf_of_vertices();
@@ -248,12 +247,20 @@ fn expected_reflectance(scene: &Scene) -> Vec<f32> {
     vertex_reflectance(scene).into_iter().zip(scene.vertex_albedo()).map(of).collect()
 }
 
+/// What sends less than this against the mean, weighted by what it sends, counts less in the cutting of patches.
+const UNIMPORTANT: f32 = 0.1;
+
 /// What counts in the cutting of patches, of each vertex: half its part of the area, half its part of all vertices, which
-/// are closer together where there is more to see.
-fn sizes(area: &[f32]) -> Vec<f32> {
+/// are closer together where there is more to see; less where hardly anything is sent from.
+fn sizes(area: &[f32], importance: &[f32]) -> Vec<f32> {
     let whole: f64 = area.iter().map(|a| f64::from(*a)).sum();
     let mean = (whole / area.len().max(1) as f64) as f32;
-    area.iter().map(|a| 0.5 * (a + mean)).collect()
+    let size = |a: &f32| 0.5 * (a + mean);
+    let sum = |of: &dyn Fn(f32) -> f32| -> f64 {
+        area.iter().zip(importance).map(|(a, i)| f64::from(size(a) * of(*i))).sum()
+    };
+    let full = UNIMPORTANT * (sum(&|i| i * i) / sum(&|i| i).max(f64::MIN_POSITIVE)) as f32;
+    area.iter().zip(importance).map(|(a, i)| size(a) * (i / full.max(f32::MIN_POSITIVE)).min(1.0)).collect()
 }
 
 /// F, sparse: of each vertex the patches that its rays meet.
