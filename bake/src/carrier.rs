@@ -11,6 +11,9 @@
 //! where it is even, so that what is lit may be as small as a patch wherever it is; neighbours share theirs. A frame
 //! averages R over the nodes, iterates B at the patches, which have rows of their own, and takes K products per vertex.
 //!
+//! Patches are cut where vertices send light to others inside ([`importance`]), by few rays under an even light: not on
+//! ground far outside of the windows.
+//!
 //! What a vertex sees of small and far patches is known better than few rays tell ([`expected`]).
 //!
 //! Where it breaks: detail of bounced light finer than a patch, which shows beside the edge of a sunlit spot; noise of the
@@ -193,8 +196,8 @@ pub fn carrier(
     Ok(all.into_carrier(&order, tree, &weight))
 }
 
-/// Bounces followed by [`importance`], and rays of each vertex in one.
-const EXPECTED: (u64, usize) = (4, 16);
+/// Passes of [`importance`] that follow light, and rays of each vertex in one.
+const IMPORTANCE: (u64, usize) = (4, 16);
 
 /// How much each vertex is expected to send to others inside: irradiance under a uniform light, of few rays, and of an
 /// outer one the share that it sends inside.
@@ -204,7 +207,7 @@ fn importance(
     lie: &Lie,
     progress: &dyn Progress,
 ) -> Result<Vec<f32>, Error> {
-    let (passes, n_rays) = EXPECTED;
+    let (passes, n_rays) = IMPORTANCE;
     let n = lie.uniform.len();
     let total = ((passes as usize + 1) * n * n_rays) as u64;
     // What vertices get of what all send.
@@ -229,8 +232,8 @@ fn importance(
         before_last = std::mem::replace(&mut last, next);
     }
     let inner = three(&|v| if lie.outer[v] || lie.unlit[v] { 0.0 } else { 1.0 });
-    let is_inner: Vec<bool> = lie.outer.iter().map(|outer| !outer).collect();
-    let inwards = gather(passes, &inner, &[], &is_inner)?;
+    let not_outer: Vec<bool> = lie.outer.iter().map(|outer| !outer).collect();
+    let inwards = gather(passes, &inner, &[], &not_outer)?;
     let of = |v: usize| {
         let mean = |rows: &[f32]| rows[3 * v..][..3].iter().sum::<f32>() / 3.0;
         mean(&last) * if lie.outer[v] { mean(&inwards) } else { 1.0 }
