@@ -1,7 +1,6 @@
 //! Buried vertices take the light of their nearest lit neighbours.
 //!
-//! A vertex inside other geometry sees only backs of triangles. Left black, it would darken every triangle
-//! around it (the floor about a column's foot). Layer by layer from the rim inwards, it gets the mean of its
+//! Left black, a vertex inside other geometry ([`crate::buried`]) would darken every triangle around it. Layer by layer from the rim inwards, it gets the mean of its
 //! neighbours along edges, weighted by one over their distance. A patch without a lit neighbour takes the light of
 //! the vertices in the same place, from which a crease or another material has split it.
 

@@ -319,20 +319,3 @@ fn add_cached(surface: &Surface, cache: &[f32], path: &Path, indirect: &mut [f32
         }
     }
 }
-
-/// Whether each vertex of the list lies inside other geometry: its rays all meet something, and always its back.
-pub fn buried(surface: &Surface, sets: &HemisphereSets, dark: &[usize]) -> Vec<usize> {
-    let is_buried = |&v: &usize| {
-        let (set, frame) = sets.at(v, surface.mesh.normal[v]);
-        set.iter().all(|local| {
-            let (mut rays, world) = packet(surface.origin[v], &frame, local);
-            let mut hits = ffi::Hits::<LANES>::default();
-            surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
-            (0..LANES).all(|lane| {
-                hits.get(&rays, lane)
-                    .is_some_and(|hit| lane_of(&world, lane).dot(Vec3::from(hit.normal)) > 0.0)
-            })
-        })
-    };
-    dark.par_iter().copied().filter(is_buried).collect()
-}

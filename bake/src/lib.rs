@@ -4,6 +4,7 @@
 //! shadowed SH transfer together; further passes give the transfer of light that has bounced. The same scene,
 //! options and seed give the same bytes, whatever the number of threads.
 
+mod buried;
 mod carrier;
 mod energy;
 mod error;
@@ -26,6 +27,7 @@ mod surface;
 use lunette_relight::asset::Asset;
 use lunette_scenes::Scene;
 
+pub use buried::inside_others;
 pub use error::Error;
 pub use options::{Basis, Options};
 pub use portal::{Gates, PortalOptions, PortalReport, Start, bake_portals, continue_portals};

@@ -11,9 +11,10 @@ use glam::Vec3;
 use lunette_relight::asset::{Asset, Data, Metadata};
 use lunette_scenes::Scene;
 
+use crate::buried::{self, buried};
 use crate::carrier::{Lie, carrier};
 use crate::fill::{self, Donors};
-use crate::gather::{AO, Arriving, BENT, Many, OPEN, Pass, SH, bounced, buried, direct, direct_width};
+use crate::gather::{AO, Arriving, BENT, Many, OPEN, Pass, SH, bounced, direct, direct_width};
 use crate::rows::{self, Aim, Opening, Row, Stage};
 use crate::sampling::{HemisphereSets, hash};
 use crate::smooth::{self, Smoother};
@@ -25,9 +26,6 @@ const FEWEST_BOUNCE_RAYS: usize = 128;
 
 /// Iterations stop early when another bounce adds less than this share of the light.
 const CONVERGED: f64 = 1e-4;
-
-/// Rays by which a vertex that sees no sky is judged buried.
-const BURIAL_RAYS: usize = 64;
 
 /// Bakes the sky's tensors into a new asset.
 pub fn bake(
@@ -107,7 +105,7 @@ impl<'a> Work<'a> {
         let width = direct_width(self.order);
         let uniform: Vec<f32> = direct.chunks_exact(width).map(|r| std::f32::consts::PI * r[AO]).collect();
         let unlit = vec![false; uniform.len()];
-        let sets = HemisphereSets::new(BURIAL_RAYS, hash(self.options.seed, u64::MAX));
+        let sets = buried::sets(self.options.seed);
         let smoother = Smoother::new(&scene.mesh, &smooth::reach(self.surface, None, &sets, &[]));
         let lie = Lie {
             buried: &donors.filled(),
@@ -127,8 +125,7 @@ impl<'a> Work<'a> {
         let sets = HemisphereSets::new(self.options.rays, self.options.seed);
         direct(&self.pass("direct light", self.order, 0, &sets), &mut rows, self.progress)?;
         let dark = rows.chunks_exact(width).enumerate().filter(|(_, r)| r[OPEN] == 0.0).map(|(v, _)| v);
-        let sets = HemisphereSets::new(BURIAL_RAYS, hash(self.options.seed, u64::MAX));
-        let buried = buried(self.surface, &sets, &dark.collect::<Vec<_>>());
+        let buried = buried(self.surface, &buried::sets(self.options.seed), &dark.collect::<Vec<_>>());
         let donors = fill::donors(self.surface.mesh, &buried);
         donors.fill(&mut rows, width);
         Ok((rows, donors))

@@ -26,6 +26,8 @@ pub struct Judge {
     triangles: Vec<[u32; 3]>,
     area: Vec<f32>,
     stride: usize,
+    /// How many triangles nobody sees, since they lie inside others.
+    n_hidden: usize,
     options: ReferenceOptions,
 }
 
@@ -113,6 +115,16 @@ impl Judge {
         let position = middles(&mesh.position, &triangles);
         let normal: Vec<Vec3> =
             middles(&mesh.normal, &triangles).iter().map(|n| n.normalize_or_zero()).collect();
+        let hidden = lunette_bake::inside_others(scene, &position, &normal).map_err(|e| anyhow!("{e}"))?;
+        let mut n_hidden = 0;
+        for (area, _) in area.iter_mut().zip(hidden).filter(|(area, is_hidden)| *is_hidden && **area > 0.0) {
+            *area = 0.0;
+            n_hidden += 1;
+        }
+        ensure!(
+            area.iter().any(|a| *a > 0.0),
+            "--every: all triangles left to judge lie inside others; give less"
+        );
         let reference = render::at(tracer, light, &position, &normal, options)?;
         let total = reference.total();
         // A part's noise is held against all light, as its difference is: see `measure`.
@@ -129,7 +141,7 @@ impl Judge {
             indirect: noise.indirect / part(&reference.indirect),
             ..noise
         };
-        Ok(Judge { total, reference, noise, triangles, area, stride, options: *options })
+        Ok(Judge { total, reference, noise, triangles, area, stride, n_hidden, options: *options })
     }
 
     /// How the numbers came about, in one line.
@@ -138,9 +150,13 @@ impl Judge {
             1 => "the middles of the triangles".to_string(),
             n => format!("the middle of every {n}th triangle"),
         };
+        let hidden = match self.n_hidden {
+            0 => String::new(),
+            n => format!(" ({n} that lie inside others left out)"),
+        };
         let n = self.noise;
         format!(
-            "irradiance at {which}, weighted by area, against {} paths with {} bounces; the reference's own noise is {:.2} % (direct {:.2} %, bounced {:.2} %; ~ marks what is under five times that)",
+            "irradiance at {which}{hidden}, weighted by area, against {} paths with {} bounces; the reference's own noise is {:.2} % (direct {:.2} %, bounced {:.2} %; ~ marks what is under five times that)",
             self.options.samples,
             self.options.bounces,
             100.0 * n.total,

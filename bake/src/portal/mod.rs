@@ -26,12 +26,12 @@ use lunette_relight::sparse::{Rows, SparseLight};
 use lunette_scenes::{Portal, Scene, without_doubled};
 use rayon::prelude::*;
 
+use crate::buried::{self, buried};
 use crate::carrier::{Lie, carrier};
 use crate::fill::{self, Donors};
-use crate::gather::buried;
 use crate::glossy;
 use crate::rows::{self, Aim, Opening, Row, Stage};
-use crate::sampling::{HemisphereSets, hash};
+use crate::sampling::hash;
 use crate::smooth::{self, Smoother};
 use crate::{Basis, Error, Options, Progress, Surface, mesh_asset, openings};
 pub use gate::Gates;
@@ -68,9 +68,6 @@ pub struct PortalReport {
     /// Per portal: bytes of direct rows, the share lost to quantisation, the energy of the SH bands.
     pub lines: Vec<String>,
 }
-
-/// Rays by which a vertex is judged buried.
-const BURIAL_RAYS: usize = 64;
 
 /// Bakes a scene that is lit through portals; `scene` is without the portals' triangles.
 ///
@@ -130,7 +127,7 @@ fn bake(
         let portals = &portals[..];
         surface.keep_inside(portals);
         let gates = Gates::new(portals)?;
-        let sets = HemisphereSets::new(BURIAL_RAYS, hash(options.seed, u64::MAX));
+        let sets = buried::sets(options.seed);
         let owners = outside::owners(&surface, &gates, portals, options.seed);
         let unlit = outside::unlit(&surface, &gates, &owners, &sets);
         let reach = smooth::reach(&surface, Some(&gates), &sets, &unlit);
