@@ -110,7 +110,8 @@ pub fn carrier(
     let most = options.patches.min(n_vertices.div_ceil(4)).max(1);
     let importance = importance(surface, options, lie, progress)?;
     let sizes = sizes(&area, &importance);
-    let cut = |most| Tree::new(scene, &sizes, lie.uniform, lie.unlit, most);
+    let groups = groups(&sizes, &importance, lie.unlit);
+    let cut = |most| Tree::new(scene, &sizes, lie.uniform, &groups, most);
     let tree = cut(most);
     let leaf = tree.leaf_of_vertices();
     let rays = options.rays.max(FEWEST_RAYS).next_multiple_of(RAYS);
@@ -258,12 +259,28 @@ const UNIMPORTANT: f32 = 0.1;
 fn sizes(area: &[f32], importance: &[f32]) -> Vec<f32> {
     let whole: f64 = area.iter().map(|a| f64::from(*a)).sum();
     let mean = (whole / area.len().max(1) as f64) as f32;
-    let size = |a: &f32| 0.5 * (a + mean);
+    let sizes: Vec<f32> = area.iter().map(|a| 0.5 * (a + mean)).collect();
+    let full = (UNIMPORTANT * mean_important(&sizes, importance)).max(f32::MIN_POSITIVE);
+    sizes.iter().zip(importance).map(|(size, i)| size * (i / full).min(1.0)).collect()
+}
+
+/// What is expected to send less than this against the mean, weighted by what it sends, makes patches of its own.
+const DARK: f32 = 0.005;
+
+/// The vertices of which patches are made, those that hardly send anything apart. The space over a ceiling, of which a
+/// patch of the wall reached down into the room, would else see that patch as bright as the room does.
+fn groups(sizes: &[f32], importance: &[f32], unlit: &[bool]) -> [Vec<usize>; 2] {
+    let least = DARK * mean_important(sizes, importance);
+    let (bright, dark) = (0..sizes.len()).filter(|&v| !unlit[v]).partition(|&v| importance[v] >= least);
+    [bright, dark]
+}
+
+/// Mean of what is expected to be sent, by size and by itself.
+fn mean_important(sizes: &[f32], importance: &[f32]) -> f32 {
     let sum = |of: &dyn Fn(f32) -> f32| -> f64 {
-        area.iter().zip(importance).map(|(a, i)| f64::from(size(a) * of(*i))).sum()
+        sizes.iter().zip(importance).map(|(size, i)| f64::from(size * of(*i))).sum()
     };
-    let full = UNIMPORTANT * (sum(&|i| i * i) / sum(&|i| i).max(f64::MIN_POSITIVE)) as f32;
-    area.iter().zip(importance).map(|(a, i)| size(a) * (i / full.max(f32::MIN_POSITIVE)).min(1.0)).collect()
+    (sum(&|i| i * i) / sum(&|i| i).max(f64::MIN_POSITIVE)) as f32
 }
 
 /// F, sparse: of each vertex the patches that its rays meet.

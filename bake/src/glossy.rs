@@ -105,9 +105,9 @@ pub fn insert(
     let exponents: Vec<f32> = lobes.iter().map(|l| l.exponent).collect();
     let work = Work { surface, source, glossy: &glossy, exponents: &exponents, seed: options.seed, progress };
     let importance = work.importance()?;
-    let (nobody, evenly) = (vec![false; importance.len()], vec![0.0; importance.len()]);
+    let (all, evenly) = ([(0..importance.len()).collect()], vec![0.0; importance.len()]);
     let patches = options.patches.clamp(1, usize::from(u16::MAX));
-    let leaf = Tree::new(scene, &importance, &evenly, &nobody, patches).leaf_of_vertices();
+    let leaf = Tree::new(scene, &importance, &evenly, &all, patches).leaf_of_vertices();
     let patch: Vec<u16> = leaf.into_iter().map(|leaf| leaf.unwrap_or(NO_PATCH)).collect();
     let rows = work.rows(&patch, options.rays)?;
     let bytes = 20.0 + 6.0 * rows.weight.len() as f64 / glossy.len() as f64;

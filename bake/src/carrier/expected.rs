@@ -142,7 +142,7 @@ mod tests {
     fn errors(is_seen: impl Fn(Vec3) -> bool, seed: u64) -> [f32; 3] {
         let scene = floor();
         let area = vec![0.015_625; SIDE * SIDE];
-        let tree = Tree::new(&scene, &area, &area, &vec![false; area.len()], 256);
+        let tree = Tree::new(&scene, &area, &area, &[(0..area.len()).collect()], 256);
         let members = tree.members();
         let expected = Expected::new(&tree, &scene.mesh, &members, &area);
         let p = Vec3::new(0.3, 2.5, -0.4);

@@ -11,6 +11,10 @@ use lunette_scenes::Scene;
 /// Of place, normal and light.
 const AXES: usize = 7;
 
+/// Weight of light, as a part of that in the open, against that of a normal: little of it comes into a room, and what
+/// gets a tenth of the light is another thing than what gets a hundredth.
+const LIGHT: f32 = 4.0;
+
 /// A binary tree of parts of the surface; node 0 is all of it, and children come after their parents.
 pub struct Tree {
     /// Children of each node; \[0, 0\] for a patch, which has none.
@@ -20,15 +24,14 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// Cuts the vertices that are not `unlit` into at most `most` patches. `size` is what each counts, at least 0;
-    /// `uniform` is the irradiance of each under a uniform sky of radiance 1.
-    pub fn new(scene: &Scene, size: &[f32], uniform: &[f32], unlit: &[bool], most: usize) -> Tree {
+    /// Cuts groups of vertices, of which no two share a patch, into at most `most` patches and no fewer than there are
+    /// groups. `size` is what each vertex counts, at least 0; `uniform` is its irradiance under a uniform sky of radiance 1.
+    pub fn new(scene: &Scene, size: &[f32], uniform: &[f32], groups: &[Vec<usize>], most: usize) -> Tree {
         let key = |v: usize| {
             let (p, n) = (scene.mesh.position[v], scene.mesh.normal[v]);
             [p.x, p.y, p.z, n.x, n.y, n.z, uniform[v] / std::f32::consts::PI]
         };
-        let all: Vec<usize> = (0..size.len()).filter(|&v| !unlit[v]).collect();
-        let weight = reach(scene, size, &all);
+        let weight = reach(scene, size, &groups.concat());
         // Of each axis, metres.
         let extents = |list: &[usize]| {
             let (mut low, mut high) = ([f32::MAX; AXES], [f32::MIN; AXES]);
@@ -36,7 +39,11 @@ impl Tree {
                 low.iter_mut().zip(key).for_each(|(low, x)| *low = low.min(x));
                 high.iter_mut().zip(key).for_each(|(high, x)| *high = high.max(x));
             }
-            let scale = |axis: usize| if axis < 3 { 1.0 } else { weight };
+            let scale = |axis: usize| match axis {
+                0..3 => 1.0,
+                3..6 => weight,
+                _ => LIGHT * weight,
+            };
             std::array::from_fn::<f32, AXES, _>(|axis| scale(axis) * (high[axis] - low[axis]).max(0.0))
         };
         // Wide ones before compact ones.
@@ -46,7 +53,19 @@ impl Tree {
         };
         let mut tree = Tree { children: vec![[0, 0]], patch: vec![NO_PATCH; size.len()] };
         // The number breaks ties, so that the order is the same everywhere.
-        let mut heap = std::collections::BTreeMap::from([((weigh(&all).to_bits(), 0usize), all)]);
+        let mut heap = std::collections::BTreeMap::new();
+        let groups: Vec<&Vec<usize>> = groups.iter().filter(|list| !list.is_empty()).collect();
+        let mut node = 0;
+        for (i, &list) in groups.iter().enumerate() {
+            let mut own = node;
+            if i + 1 < groups.len() {
+                (own, node) = (tree.children.len(), tree.children.len() + 1);
+                tree.children.extend([[0, 0]; 2]);
+                let parent = if i == 0 { 0 } else { own - 1 };
+                tree.children[parent] = [own as u16, node as u16];
+            }
+            heap.insert((weigh(list).to_bits(), own), list.clone());
+        }
         let mut finished: Vec<(usize, Vec<usize>)> = Vec::new();
         while heap.len() + finished.len() < most.min(usize::from(NO_PATCH) / 2) {
             let Some(((_, node), mut list)) = heap.pop_last() else { break };
@@ -128,7 +147,7 @@ impl Tree {
 }
 
 /// Root mean square of distances from the centre of gravity, metres. It is the weight of a normal, and of the light as a
-/// part of that in the open, against a position: opposite sides of a wall must part, and what lies outside of a window
+/// part of that in the open times [`LIGHT`], against a position: opposite sides of a wall must part, and what lies outside of a window
 /// from what lies inside. By the whole scene's extent, a long corridor beside the room would be parted by normals alone.
 fn reach(scene: &Scene, size: &[f32], all: &[usize]) -> f32 {
     let whole = all.iter().map(|&v| size[v]).sum::<f32>().max(f32::MIN_POSITIVE);
@@ -161,7 +180,7 @@ mod tests {
         both.mesh.normal.extend(&scene.mesh.normal);
         let n = scene.mesh.position.len();
         let size: Vec<f32> = (0..2 * n).map(|v| if v < n { 1.0 } else { 1e-4 }).collect();
-        let tree = Tree::new(&both, &size, &vec![0.0; 2 * n], &vec![false; 2 * n], 256);
+        let tree = Tree::new(&both, &size, &vec![0.0; 2 * n], &[(0..2 * n).collect()], 256);
         let (mut here, mut mixed) = (0, 0);
         for members in tree.members() {
             let inside = members.iter().filter(|v| **v < n).count();
@@ -171,6 +190,28 @@ mod tests {
         assert_eq!((tree.n_leaves(), mixed), (256, 0));
         assert!(here >= 240, "{here} of 256 patches lie in the room that sends");
         // Nothing sends: patches there are none the less.
-        assert_eq!(Tree::new(&scene, &vec![0.0; n], &vec![0.0; n], &vec![false; n], 16).n_leaves(), 16);
+        let all = [(0..n).collect()];
+        assert_eq!(Tree::new(&scene, &vec![0.0; n], &vec![0.0; n], &all, 16).n_leaves(), 16);
+    }
+
+    #[test]
+    fn groups_share_no_patch() {
+        let scene = lunette_scenes::builtin::build("box-room:edge=0.4").unwrap();
+        let n = scene.mesh.position.len();
+        // Neighbours of three kinds, one of which counts hardly, and some that belong to none.
+        let kind = |v: usize| v % 4;
+        let groups: Vec<Vec<usize>> = (0..3).map(|k| (0..n).filter(|&v| kind(v) == k).collect()).collect();
+        let size: Vec<f32> = (0..n).map(|v| if kind(v) == 1 { 1e-6 } else { 1.0 }).collect();
+        for (groups, most, expected) in
+            [(&groups[..], 64, 64), (&groups, 1, 3), (&groups[1..2], 8, 8), (&[], 8, 1)]
+        {
+            let tree = Tree::new(&scene, &size, &vec![0.0; n], groups, most);
+            assert_eq!((tree.n_leaves(), tree.leaves().len()), (expected, expected));
+            let members = tree.members();
+            for list in &members {
+                assert!(list.iter().all(|&v| kind(v) == kind(list[0])), "a patch of two groups");
+            }
+            assert_eq!(members.concat().len(), groups.iter().map(Vec::len).sum::<usize>());
+        }
     }
 }

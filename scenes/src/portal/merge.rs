@@ -19,8 +19,13 @@ const SAME_AREA: f64 = 1e-4;
 /// The edge between two triangles as each of them runs along it.
 type Edge = (u32, u32);
 
-/// Polygons that cover what the triangles cover.
+/// Few polygons that cover what the triangles cover.
 pub(super) fn polygons(triangles: &[[Vec3; 3]]) -> Vec<Vec<Vec3>> {
+    joined(outlines(triangles))
+}
+
+/// The outline of each part that hangs together in one plane; triangles where it has a hole.
+pub(super) fn outlines(triangles: &[[Vec3; 3]]) -> Vec<Vec<Vec3>> {
     let (position, index) = weld(triangles);
     let parts = flat_parts(triangles, &index);
     let mut list = Vec::new();
@@ -34,7 +39,7 @@ pub(super) fn polygons(triangles: &[[Vec3; 3]]) -> Vec<Vec<Vec3>> {
             None => list.extend(part.iter().map(|&t| triangles[t].to_vec())),
         }
     }
-    joined(list)
+    list
 }
 
 /// Polygons of which no two lie in one plane, share a whole edge and are convex together: the arch of a window and the
