@@ -15,6 +15,9 @@ const AXES: usize = 7;
 /// gets a tenth of the light is another thing than what gets a hundredth.
 const LIGHT: f32 = 4.0;
 
+/// What differs in light by less than this part of that in the open is cut by its place alone.
+const ALIKE: f32 = 0.04;
+
 /// A binary tree of parts of the surface; node 0 is all of it, and children come after their parents.
 pub struct Tree {
     /// Children of each node; \[0, 0\] for a patch, which has none.
@@ -39,12 +42,12 @@ impl Tree {
                 low.iter_mut().zip(key).for_each(|(low, x)| *low = low.min(x));
                 high.iter_mut().zip(key).for_each(|(high, x)| *high = high.max(x));
             }
-            let scale = |axis: usize| match axis {
-                0..3 => 1.0,
-                3..6 => weight,
-                _ => LIGHT * weight,
-            };
-            std::array::from_fn::<f32, AXES, _>(|axis| scale(axis) * (high[axis] - low[axis]).max(0.0))
+            let width = |axis: usize| (high[axis] - low[axis]).max(0.0);
+            std::array::from_fn::<f32, AXES, _>(|axis| match axis {
+                0..3 => width(axis),
+                3..6 => weight * width(axis),
+                _ => LIGHT * weight * (width(axis) - ALIKE).max(0.0),
+            })
         };
         // Wide ones before compact ones.
         let weigh = |list: &[usize]| {
