@@ -884,7 +884,7 @@ fn are_apart(p: Vec3, a: (&[Vec3], &[Vec3]), b: (&[Vec3], &[Vec3])) -> bool {
     a.1.iter().any(|side| is_before(side, b.0)) || b.1.iter().any(|side| is_before(side, a.0))
 }
 
-/// What of a polygon is not within some sides, as seen from `p`, in convex parts.
+/// What of a polygon is not within some sides, as seen from `p`, in convex parts; all of it in one where nothing is.
 fn without(p: Vec3, polygon: &[Vec3], sides: &[Vec3]) -> Vec<Vec<Vec3>> {
     let (mut rest, mut parts) = (polygon.to_vec(), Vec::new());
     for side in sides {
@@ -895,10 +895,21 @@ fn without(p: Vec3, polygon: &[Vec3], sides: &[Vec3]) -> Vec<Vec<Vec3>> {
         };
         let before = half(-1.0);
         rest = half(1.0);
+        if !has_area(&rest) {
+            return vec![polygon.to_vec()];
+        }
         parts.push(before);
     }
-    parts.retain(|part| part.len() > 2);
+    parts.retain(|part| has_area(part));
     parts
+}
+
+/// Whether a polygon is more than what rounding leaves of an edge: wider than [`LEVEL`] of its length.
+fn has_area(polygon: &[Vec3]) -> bool {
+    let Some(&first) = polygon.first() else { return false };
+    let to = || polygon.iter().map(|q| *q - first);
+    let area: Vec3 = to().zip(to().skip(1)).map(|(a, b)| a.cross(b)).sum();
+    area.length() > LEVEL * to().map(Vec3::length_squared).fold(0.0, f32::max)
 }
 
 /// A convex polygon in a face's plane that is being cut.

@@ -318,3 +318,37 @@ fn between_vertices_a_disc_is_as_sharp_as_at_them() {
         }
     }
 }
+
+#[test]
+fn only_what_panes_in_a_row_have_in_common_is_cut_off() {
+    // Round panes of forty corners, seen from the origin; the sides of one by its corners.
+    let round = |x: f32, z: f32, radius: f32| -> Vec<Vec3> {
+        let corner = |i: usize| {
+            let (sine, cosine) = (std::f32::consts::TAU * i as f32 / 40.0).sin_cos();
+            Vec3::new(x + radius * cosine, radius * sine, z)
+        };
+        (0..40).map(corner).collect()
+    };
+    let sides = |pane: &[Vec3]| -> Vec<Vec3> {
+        let inwards = |side: Vec3| side * side.dot(pane[0] + pane[20]).signum();
+        (0..40).map(|i| inwards(pane[i].cross(pane[(i + 1) % 40]))).collect()
+    };
+    let area = |part: &Vec<Vec3>| -> f32 {
+        let to = |i: usize| part[i] - part[0];
+        (2..part.len()).map(|i| 0.5 * to(i - 1).cross(to(i)).length()).sum()
+    };
+    let (pane, whole) = (round(0.0, 2.0, 1.0), area(&round(0.0, 2.0, 1.0)));
+    // Beside it, behind the eye, and as far as its edge: nothing is cut.
+    for other in [round(3.0, 2.0, 1.0), round(0.0, -2.0, 1.0), round(1.0, 1.0, 0.49)] {
+        assert_eq!(without(Vec3::ZERO, &pane, &sides(&other)), std::slice::from_ref(&pane));
+    }
+    // A half as large at half the distance hides a quarter of it; asked again, it hides no more and cuts nothing.
+    let other = sides(&round(0.0, 1.0, 0.25));
+    let once = without(Vec3::ZERO, &pane, &other);
+    let left = |parts: &[Vec<Vec3>]| parts.iter().map(area).sum::<f32>() / whole;
+    assert!((left(&once) - 0.75).abs() < 1e-4, "{}", left(&once));
+    let again: Vec<Vec<Vec3>> = once.iter().flat_map(|part| without(Vec3::ZERO, part, &other)).collect();
+    assert!(again.len() == once.len() && (left(&again) - left(&once)).abs() < 1e-4, "{}", again.len());
+    // As large as itself, and once more: nothing is left.
+    assert!(without(Vec3::ZERO, &pane, &sides(&pane)).is_empty());
+}
