@@ -38,6 +38,12 @@ pub(crate) fn triangulate(corner: &[Vec3], out: &mut Vec<[usize; 3]>) {
     }
 }
 
+/// Whether it is convex.
+pub(crate) fn is_convex(corner: &[Vec3]) -> bool {
+    let all: Vec<usize> = (0..corner.len()).collect();
+    corner.len() >= 3 && turns_one_way(&flatten(corner), &all)
+}
+
 /// Cuts the polygon into convex ones, few though not the fewest: positions in `corner`, wound as the polygon is.
 pub(crate) fn convex_parts(corner: &[Vec3]) -> Vec<Vec<usize>> {
     let all: Vec<usize> = (0..corner.len()).collect();

@@ -99,8 +99,8 @@ impl Portal {
         self.normal = -self.normal;
     }
 
-    /// The portal as few flat polygons, wound as its triangles are: connected triangles of one plane are one polygon
-    /// unless they leave a hole.
+    /// The portal as few flat polygons, wound as its triangles are: connected triangles of one plane are one polygon,
+    /// or several convex ones around a hole, and so are neighbours along a whole edge that are convex together.
     pub fn polygons(&self) -> Vec<Vec<Vec3>> {
         merge::polygons(&self.triangles)
     }

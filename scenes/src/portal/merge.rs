@@ -19,19 +19,74 @@ const SAME_AREA: f64 = 1e-4;
 /// The edge between two triangles as each of them runs along it.
 type Edge = (u32, u32);
 
-/// Polygons that cover what the triangles cover.
+/// Few polygons that cover what the triangles cover.
 pub(super) fn polygons(triangles: &[[Vec3; 3]]) -> Vec<Vec<Vec3>> {
+    joined(outlines(triangles))
+}
+
+/// The outline of each part that hangs together in one plane; triangles where it has a hole.
+pub(super) fn outlines(triangles: &[[Vec3; 3]]) -> Vec<Vec<Vec3>> {
     let (position, index) = weld(triangles);
     let parts = flat_parts(triangles, &index);
     let mut list = Vec::new();
     for part in parts {
-        let whole = ring(&index, &part).map(|ring| straightened(&position, &ring));
+        let whole = ring(&index, &part).map(|ring| {
+            let corners: Vec<Vec3> = ring.iter().map(|&i| position[i as usize]).collect();
+            straightened(&corners)
+        });
         match whole.filter(|p| covers(p, triangles, &part)) {
             Some(polygon) => list.push(polygon),
             None => list.extend(part.iter().map(|&t| triangles[t].to_vec())),
         }
     }
     list
+}
+
+/// Polygons of which no two lie in one plane, share a whole edge and are convex together: the arch of a window and the
+/// rest of it are one pane, of which the wall around is known all around.
+fn joined(mut list: Vec<Vec<Vec3>>) -> Vec<Vec<Vec3>> {
+    let edges = |p: &[Vec3]| -> Vec<[[u32; 3]; 2]> {
+        (0..p.len()).map(|i| [p[i], p[(i + 1) % p.len()]].map(repair::bits)).collect()
+    };
+    let mut owner: HashMap<[[u32; 3]; 2], usize> =
+        list.iter().enumerate().flat_map(|(i, p)| edges(p).into_iter().map(move |e| (e, i))).collect();
+    for i in 0..list.len() {
+        let mut edge = 0;
+        while edge < list[i].len() {
+            let [a, b] = edges(&list[i])[edge];
+            let other = owner.get(&[b, a]).copied().filter(|j| *j != i);
+            let Some((j, both)) =
+                other.and_then(|j| Some((j, convex_together(&list[i], edge, &list[j], b)?)))
+            else {
+                edge += 1;
+                continue;
+            };
+            for edge in [i, j].into_iter().flat_map(|k| edges(&list[k])) {
+                owner.remove(&edge);
+            }
+            owner.extend(edges(&both).into_iter().map(|e| (e, i)));
+            list[i] = both;
+            list[j].clear();
+            edge = 0;
+        }
+    }
+    list.retain(|p| !p.is_empty());
+    list
+}
+
+/// One polygon and, across an edge of it, another in which the same edge begins with the corner `b`, as one.
+fn convex_together(one: &[Vec3], edge: usize, other: &[Vec3], b: [u32; 3]) -> Option<Vec<Vec3>> {
+    let normal = |p: &[Vec3]| repair::cross([p[0], p[1], p[2]]).normalize();
+    if normal(one).distance_squared(normal(other)) >= SAME_PLANE {
+        return None;
+    }
+    let first = other.iter().position(|p| repair::bits(*p) == b)?;
+    let after = (0..other.len() - 2).map(|k| other[(first + 2 + k) % other.len()]);
+    let mut ring = one[..=edge].to_vec();
+    ring.extend(after);
+    ring.extend(&one[edge + 1..]);
+    let ring = straightened(&ring);
+    polygon::is_convex(&ring).then_some(ring)
 }
 
 /// Corners in exactly the same place are one.
@@ -106,9 +161,9 @@ fn ring(index: &[[u32; 3]], part: &[usize]) -> Option<Vec<u32>> {
     None
 }
 
-fn straightened(position: &[Vec3], ring: &[u32]) -> Vec<Vec3> {
+fn straightened(ring: &[Vec3]) -> Vec<Vec3> {
     let n = ring.len();
-    let corner = |i: usize| position[ring[i % n] as usize];
+    let corner = |i: usize| ring[i % n];
     let turns = |i: &usize| {
         let (before, after) = (corner(*i) - corner(i + n - 1), corner(i + 1) - corner(*i));
         before.cross(after).length() > STRAIGHT * before.length() * after.length()

@@ -234,8 +234,8 @@ fn through(triangles: &[[Vec3; 3]]) -> [Vec<Triangles>; 2] {
 
 /// Along the longest edge of the window's outline or across it, where the window reaches farther.
 fn longer_side(triangles: &[[Vec3; 3]]) -> Vec3 {
-    let polygons = merge::polygons(triangles);
-    let edges = polygons.iter().flat_map(|p| (0..p.len()).map(|i| p[(i + 1) % p.len()] - p[i]));
+    let outlines = merge::outlines(triangles);
+    let edges = outlines.iter().flat_map(|p| (0..p.len()).map(|i| p[(i + 1) % p.len()] - p[i]));
     let edge = edges.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared())).unwrap_or(Vec3::X);
     let largest = triangles.iter().max_by(|a, b| area(a).total_cmp(&area(b))).copied().unwrap_or_default();
     let normal = crate::repair::cross(largest).as_vec3();

@@ -154,10 +154,38 @@ fn polygons_of_sheets_are_their_outlines() {
 }
 
 #[test]
-fn polygon_with_a_hole_stays_triangles() {
+fn polygon_with_a_hole_is_convex_ones_around_it() {
     let mut triangles = sheet(Vec3::ZERO, 3.0 * Vec3::X, 3.0 * Vec3::Y, 3, 3);
     triangles.drain(8..10);
-    assert_eq!(pane("a", triangles).polygons().len(), 16);
+    let polygons = pane("a", triangles).polygons();
+    assert!(polygons.len() <= 8, "{}", polygons.len());
+    assert!(polygons.iter().all(|p| crate::polygon::is_convex(p)));
+    let area: f64 =
+        polygons.iter().flat_map(|p| (2..p.len()).map(|i| super::area(&[p[0], p[i - 1], p[i]]))).sum();
+    assert!((area - 8.0).abs() < 1e-6, "{area}");
+}
+
+#[test]
+fn arch_and_the_rest_of_a_window_are_one_polygon() {
+    // The sheet has corners on the edge that they share, the arch has none.
+    let mut triangles = sheet(Vec3::ZERO, 2.0 * Vec3::X, Vec3::Y, 4, 2);
+    let rim = |i: usize| {
+        let (sine, cosine) = (std::f32::consts::PI * i as f32 / 8.0).sin_cos();
+        if i.is_multiple_of(8) {
+            vec3(if i == 0 { 2.0 } else { 0.0 }, 1.0, 0.0)
+        } else {
+            vec3(1.0 + cosine, 1.0 + sine, 0.0)
+        }
+    };
+    triangles.extend((1..8).map(|i| [rim(0), rim(i), rim(i + 1)]));
+    let polygons = pane("a", triangles.clone()).polygons();
+    assert_eq!(polygons.iter().map(Vec::len).collect::<Vec<_>>(), [11]);
+    // In another plane it is one of its own; so it is where both together are not convex.
+    let bent = |p: Vec3| if p.y > 1.0 { p + (p.y - 1.0) * Vec3::Z } else { p };
+    assert_eq!(pane("a", triangles.iter().map(|t| t.map(bent)).collect()).polygons().len(), 2);
+    triangles.truncate(16);
+    triangles.push([vec3(2.0, 1.0, 0.0), vec3(4.0, 2.0, 0.0), vec3(0.0, 1.0, 0.0)]);
+    assert_eq!(pane("a", triangles).polygons().len(), 2);
 }
 
 #[test]
