@@ -39,8 +39,8 @@ pub fn buried(surface: &Surface, sets: &HemisphereSets, list: &[usize]) -> Vec<u
     list.par_iter().copied().filter(is_buried).collect()
 }
 
-/// Whether each of some points of a scene's surface lies inside other geometry, so that nobody sees it; `normal` is
-/// theirs, one for each.
+/// Whether each of some points of a scene's surface lies inside other geometry, so that nobody sees it; `normals` are
+/// theirs, of unit length, one for each.
 ///
 /// # Errors
 /// When Embree cannot be had or refuses the scene.

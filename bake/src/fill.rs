@@ -1,8 +1,9 @@
 //! Buried vertices take the light of their nearest lit neighbours.
 //!
-//! Left black, a vertex inside other geometry ([`crate::buried`]) would darken every triangle around it. Layer by layer from the rim inwards, it gets the mean of its
-//! neighbours along edges, weighted by one over their distance. A patch without a lit neighbour takes the light of
-//! the vertices in the same place, from which a crease or another material has split it.
+//! Left black, a vertex inside other geometry ([`crate::buried`]) would darken every triangle around it. Layer by layer
+//! from the rim inwards, it gets the mean of its neighbours along edges, weighted by one over their distance. A patch
+//! without a lit neighbour takes the light of the vertices in the same place, from which a crease or another material has
+//! split it.
 
 use std::collections::{BTreeMap, HashMap};
 

@@ -58,14 +58,15 @@ impl Tree {
         // The number breaks ties, so that the order is the same everywhere.
         let mut heap = std::collections::BTreeMap::new();
         let groups: Vec<&Vec<usize>> = groups.iter().filter(|list| !list.is_empty()).collect();
-        let mut node = 0;
+        // A node for each group, and one for all after it.
+        let mut rest = 0;
         for (i, &list) in groups.iter().enumerate() {
-            let mut own = node;
+            let mut own = rest;
             if i + 1 < groups.len() {
-                (own, node) = (tree.children.len(), tree.children.len() + 1);
+                own = tree.children.len();
+                tree.children[rest] = [own as u16, own as u16 + 1];
                 tree.children.extend([[0, 0]; 2]);
-                let parent = if i == 0 { 0 } else { own - 1 };
-                tree.children[parent] = [own as u16, node as u16];
+                rest = own + 1;
             }
             heap.insert((weigh(list).to_bits(), own), list.clone());
         }
@@ -149,9 +150,10 @@ impl Tree {
     }
 }
 
-/// Root mean square of distances from the centre of gravity, metres. It is the weight of a normal, and of the light as a
-/// part of that in the open times [`LIGHT`], against a position: opposite sides of a wall must part, and what lies outside of a window
-/// from what lies inside. By the whole scene's extent, a long corridor beside the room would be parted by normals alone.
+/// Root mean square of distances from the centre of gravity, metres. It is the weight of a normal, and times [`LIGHT`] of
+/// the light as a part of that in the open, against a position: opposite sides of a wall must part, and what lies outside
+/// of a window from what lies inside. By the whole scene's extent, a long corridor beside the room would be parted by
+/// normals alone.
 fn reach(scene: &Scene, size: &[f32], all: &[usize]) -> f32 {
     let whole = all.iter().map(|&v| size[v]).sum::<f32>().max(f32::MIN_POSITIVE);
     let centre = all.iter().map(|&v| size[v] / whole * scene.mesh.position[v]).sum::<Vec3>();

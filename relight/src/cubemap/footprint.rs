@@ -232,15 +232,15 @@ pub(crate) fn vector_area(polygon: &[Vec2]) -> DVec3 {
     for q in polygon {
         let q = corner(*q);
         let cross = p.cross(q);
-        sum += cross * angle_by_sine(cross.length_squared(), p.dot(q));
+        sum += cross * angle_by_cross(cross.length_squared(), p.dot(q));
         p = q;
     }
     0.5 * sum
 }
 
-/// An angle over its sine, of the same two vectors' squared cross product and dot product, over their lengths; 0 of an
-/// angle of 0.
-fn angle_by_sine(square: f64, dot: f64) -> f64 {
+/// The angle of two vectors over the length of their cross product, by its square and their dot product; 0 where they are
+/// opposite.
+fn angle_by_cross(square: f64, dot: f64) -> f64 {
     // Within texels angles are small: atan(x) / x by its series, to 1e-10.
     let x2 = square / (dot * dot);
     if x2 < SMALL && dot > 0.0 {
@@ -323,11 +323,11 @@ mod tests {
             let angle = f64::from(i) * 1e-3 * std::f64::consts::FRAC_PI_4;
             let (sine, cosine) = angle.sin_cos();
             let expected = if i > 0 { angle / sine } else { 1.0 };
-            let found = angle_by_sine(sine * sine, cosine);
+            let found = angle_by_cross(sine * sine, cosine);
             // What the series leaves out is x^10 / 11, 3e-10 at its end.
             assert!((found - expected).abs() < 4e-10 * expected, "{angle}: {found} {expected}");
         }
-        assert_eq!(angle_by_sine(0.0, -1.0), 0.0);
+        assert_eq!(angle_by_cross(0.0, -1.0), 0.0);
     }
 
     #[test]
