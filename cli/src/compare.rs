@@ -36,6 +36,16 @@ pub enum Candidate {
 
 /// `lunette compare`
 pub fn run(arguments: &args::Compare) -> Result<()> {
+    let is_new = !arguments.output.exists();
+    let result = compare(arguments);
+    if result.is_err() && is_new {
+        // Only where it is still empty.
+        let _ = std::fs::remove_dir(&arguments.output);
+    }
+    result
+}
+
+fn compare(arguments: &args::Compare) -> Result<()> {
     let effort = bake::options(vec![Basis::Sh], &arguments.effort);
     effort.check().map_err(|e| anyhow!("{e}"))?;
     let portal_options = portals::options(&arguments.portals, arguments.effort.order)?;

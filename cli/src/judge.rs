@@ -12,6 +12,7 @@ use std::fmt::Write as _;
 
 use crate::engine::Engine;
 use crate::moving::Moment;
+use crate::progress::Bar;
 use crate::{relight, render};
 
 /// The truth under one light, in the middle of every `stride`-th triangle.
@@ -98,7 +99,7 @@ impl Judge {
         let mut area: Vec<f32> = triangles.iter().map(|t| triangle_area(mesh, t)).collect();
         if !portals.is_empty() {
             // Outer walls are lit by more than portals, and are not what an interior is baked for.
-            let inside = lunette_bake::openings::parted(scene, portals)
+            let inside = lunette_bake::openings::parted(scene, portals, &Bar::new("M rays", 1e6))
                 .and_then(|(panes, _)| lunette_bake::openings::inside(scene, &panes))
                 .map_err(|e| anyhow!("{e}"))?;
             let is_inside = |t: &[u32; 3]| t.iter().all(|&v| inside[v as usize]);

@@ -20,7 +20,7 @@ use super::outline::fitted;
 use super::raster::{HALVINGS, Plane, Raster};
 use super::rays::{Rays, sphere};
 use super::sides::{lift, orient_by};
-use crate::Error;
+use crate::{Error, Progress};
 use crate::sampling::{fractions, hash};
 
 /// Samples along a window's longest side, and the smallest step between two, metres.
@@ -66,25 +66,38 @@ const MOST_LOST: f32 = 0.01;
 /// had. `scene` is without the portals' triangles.
 ///
 /// # Errors
-/// When the scene has nothing that blocks light, or Embree cannot be had.
-pub fn parted(scene: &Scene, portals: &[Portal]) -> Result<(Vec<Portal>, usize), Error> {
+/// When the scene has nothing that blocks light, Embree cannot be had, or `progress` asks to stop.
+pub fn parted(
+    scene: &Scene,
+    portals: &[Portal],
+    progress: &dyn Progress,
+) -> Result<(Vec<Portal>, usize), Error> {
     let rays = Rays::solid(scene)?;
     let mut portals = portals.to_vec();
     orient_by(&rays, lift(scene), &mut portals);
-    let mut n_parted = 0;
-    let mut of_portal = |portal: &Portal| {
-        let windows = portal.windows();
-        let panes: Vec<Option<Portal>> = windows.iter().map(|w| panes(&rays, w)).collect();
-        let n = panes.iter().flatten().count();
-        if n == 0 {
-            return portal.clone();
+    let windows: Vec<Vec<Portal>> = portals.iter().map(Portal::windows).collect();
+    let total = TRIALS * windows.iter().map(Vec::len).sum::<usize>();
+    let (mut done, mut n_parted) = (0, 0);
+    for (portal, windows) in portals.iter_mut().zip(windows) {
+        let mut triangles = Vec::new();
+        let before = n_parted;
+        for window in windows {
+            if progress.cancelled() {
+                return Err(Error::Cancelled);
+            }
+            let panes = panes(&rays, &window);
+            n_parted += usize::from(panes.is_some());
+            triangles.extend(panes.unwrap_or(window).triangles);
+            done += TRIALS;
+            progress.report("bars in windows", done as u64, total as u64);
         }
-        n_parted += n;
-        let parts = panes.into_iter().zip(windows).map(|(panes, window)| panes.unwrap_or(window));
-        let triangles = parts.flat_map(|part| part.triangles).collect();
-        Portal::new(&portal.name, triangles, portal.transmission).unwrap_or_else(|| portal.clone())
-    };
-    Ok((portals.iter().map(&mut of_portal).collect(), n_parted))
+        if n_parted > before
+            && let Some(parted) = Portal::new(&portal.name, triangles, portal.transmission)
+        {
+            *portal = parted;
+        }
+    }
+    Ok((portals, n_parted))
 }
 
 fn panes(rays: &Rays, window: &Portal) -> Option<Portal> {

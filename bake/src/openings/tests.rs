@@ -167,7 +167,7 @@ fn panes_between_bars_are_one_window() {
 fn bars_part_a_window_into_its_panes() {
     // Two bars each way, 3 cm wide and 5 cm deep, in a window of 1.6 m x 1.2 m in the middle of the wall.
     let (scene, glass) = opened("box-room:edge=0.4,bars=2");
-    let (portals, n_parted) = parted(&scene, &glass).unwrap();
+    let (portals, n_parted) = parted(&scene, &glass, &Silent).unwrap();
     assert_eq!((n_parted, portals.len()), (1, 1));
     let panes = portals[0].polygons();
     assert_eq!(panes.len(), 9);
@@ -184,7 +184,7 @@ fn bars_part_a_window_into_its_panes() {
         assert!(off.iter().all(|off| off.abs() < 1e-3), "{corner}: {off:?}");
     }
     assert!(portals[0].normal.x > 0.999_9);
-    let again = parted(&scene, &portals).unwrap();
+    let again = parted(&scene, &portals, &Silent).unwrap();
     assert!(again == (portals, 0), "panes have no bars");
 }
 
@@ -196,7 +196,7 @@ fn sashes_are_parted_in_their_own_planes() {
         append(&mut scene, &cuboid(vec3(x - 0.02, low, -0.02), vec3(x + 0.02, high, 0.02)));
         append(&mut scene, &cuboid(vec3(x - 0.02, 1.58, -0.8), vec3(x + 0.02, 1.62, 0.8)));
     }
-    let (portals, n_parted) = parted(&scene, &glass).unwrap();
+    let (portals, n_parted) = parted(&scene, &glass, &Silent).unwrap();
     assert_eq!(n_parted, 1);
     let panes = portals[0].polygons();
     assert_eq!(panes.len(), 4);
@@ -211,14 +211,14 @@ fn sashes_are_parted_in_their_own_planes() {
 fn windows_without_bars_stay_as_they_are() {
     for spec in ["box-room:edge=0.4", "skylight-box:edge=0.4", "chapel:bays=1,edge=0.8"] {
         let (scene, glass) = opened(spec);
-        assert!(parted(&scene, &glass).unwrap() == (glass, 0), "{spec}");
+        assert!(parted(&scene, &glass, &Silent).unwrap() == (glass, 0), "{spec}");
     }
     // Of two posts, 11 cm before and behind the pane, neither plane has both: light would be lost beside one.
     let (mut scene, glass) = opened("box-room:edge=0.4");
     for (x, z) in [(-2.235, -0.3), (-2.015, 0.3)] {
         append(&mut scene, &cuboid(vec3(x - 0.01, 0.9, z - 0.1), vec3(x + 0.01, 2.3, z + 0.1)));
     }
-    assert!(parted(&scene, &glass).unwrap() == (glass, 0));
+    assert!(parted(&scene, &glass, &Silent).unwrap() == (glass, 0));
 }
 
 #[test]

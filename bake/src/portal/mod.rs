@@ -118,7 +118,7 @@ fn bake(
         if n_doubled > 0 {
             progress.note(&format!("portals: {n_doubled} triangles in the place of others left out"));
         }
-        let (portals, n_parted) = openings::parted(scene, &portals)?;
+        let (portals, n_parted) = openings::parted(scene, &portals, progress)?;
         if n_parted > 0 {
             let n_panes: usize = portals.iter().map(|p| p.polygons().len()).sum();
             let s = if n_parted == 1 { "" } else { "s" };

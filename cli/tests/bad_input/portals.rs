@@ -175,7 +175,7 @@ fn step_past_all_triangles_inside_is_named() {
         ["compare", ROOM, "--portal", "glass", "--bounces", "0", "--methods", "portal", "--light", "uniform"];
     fails_late(
         &folder,
-        &[&compare[..], &["--every", "1000000", "-o", "."]].concat(),
+        &[&compare[..], &["--every", "1000000", "-o", "out"]].concat(),
         &["--every", "1000000", "less"],
     );
 }

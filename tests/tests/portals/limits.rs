@@ -3,9 +3,10 @@
 //! where a ray starts: a hair off the surface, and a thousandth of an edge inside its border.
 
 use std::f32::consts::PI;
+use std::sync::Mutex;
 
 use glam::{EulerRot, Quat, Vec2, Vec3, vec2, vec3};
-use lunette_bake::{Options, PortalOptions, Silent, bake_portals};
+use lunette_bake::{Error, Options, PortalOptions, Progress, Silent, bake_portals};
 use lunette_relight::indirect::Indirect;
 use lunette_scenes::Portal;
 use lunette_tests::baked::light;
@@ -270,4 +271,52 @@ fn closed_forms_of_this_file_know_the_empty_and_the_full_view() {
     let small = size.x * size.y / 1e8;
     assert!((expected(&Window::WALL, far, -Vec3::Z) / small - 1.0).abs() < 1e-6);
     assert_eq!(Window { low: Vec2::ONE, high: Vec2::splat(3.0) }.area(), 4.0);
+}
+
+/// Asks to stop at the end of a stage.
+struct StopAfter {
+    /// None: goes through.
+    stage: Option<String>,
+    seen: Mutex<Vec<String>>,
+}
+
+impl Progress for StopAfter {
+    fn report(&self, stage: &str, done: u64, total: u64) {
+        assert!(done <= total, "{stage}: {done} of {total}");
+        let mut seen = self.seen.lock().expect("the stages");
+        if seen.last().is_none_or(|last| last != stage) {
+            seen.push(stage.to_string());
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        let seen = self.seen.lock().expect("the stages");
+        self.stage.as_ref().is_some_and(|stage| seen.contains(stage))
+    }
+}
+
+#[test]
+fn a_bake_stops_in_whatever_stage_it_is_asked_to() {
+    let interior = built("box-room:edge=0.4,bars=1");
+    let options = Options { rays: 64, bounces: 2, ..bounced_options() };
+    let bake = |stage: Option<String>| {
+        let progress = StopAfter { stage, seen: Mutex::default() };
+        let result = bake_portals(
+            &interior.scene,
+            &interior.portals,
+            &options,
+            &PortalOptions::default(),
+            &progress,
+        );
+        (result.map(|_| ()), progress.seen.into_inner().expect("the stages"))
+    };
+    let (result, stages) = bake(None);
+    result.expect("a bake");
+    println!("{stages:?}");
+    assert!(stages.contains(&"bars in windows".to_string()) && stages.len() > 3, "{stages:?}");
+    for (i, stage) in stages.iter().enumerate().take(stages.len() - 1) {
+        let (result, seen) = bake(Some(stage.clone()));
+        assert!(matches!(result, Err(Error::Cancelled)), "{stage}: {result:?}");
+        assert_eq!(seen, stages[..=i], "nothing was begun after it");
+    }
 }
