@@ -20,8 +20,8 @@ use super::outline::fitted;
 use super::raster::{HALVINGS, Plane, Raster};
 use super::rays::{Rays, sphere};
 use super::sides::{lift, orient_by};
-use crate::{Error, Progress};
 use crate::sampling::{fractions, hash};
+use crate::{Error, Progress};
 
 /// Samples along a window's longest side, and the smallest step between two, metres.
 const SAMPLES: f32 = 256.0;

@@ -56,6 +56,12 @@ const AGREE: f32 = 8e-3;
 const TRIALS: usize = 256;
 const LEAST_HELD: usize = 250;
 
+/// What fewer of them come to at all, past what stands before it, hides nothing.
+const LEAST_PASSING: usize = 8;
+
+/// Half of them slant along the edge by up to this, radians.
+const MOST_SLANT: f32 = 1.1;
+
 /// The reveals of each polygon's edges, [`STEPS`] of each, which are counter-clockwise as seen from inside.
 pub fn reveals(surface: &Surface, polygons: &[Vec<Vec3>], seed: u64) -> Vec<Vec<Reveal>> {
     let of_polygon = |(i, polygon): (usize, &Vec<Vec3>)| {
@@ -119,7 +125,9 @@ impl<'a> Pane<'a> {
         for end in STARTS.into_iter().flat_map(|start| self.agreed(&self.ends_from(edge, start, out))) {
             // What is no deeper than that is the pane's own rim.
             let is_new = end.depth > within && found.iter().all(|known| known.distance(&end) > within);
-            if is_new && self.holds(edge, out, end) {
+            let known =
+                found.iter().map(|known| known.depth).filter(|depth| *depth < end.depth).fold(0.0, f32::max);
+            if is_new && self.holds(edge, out, end, known) {
                 found.push(end);
             }
         }
@@ -211,10 +219,13 @@ impl<'a> Pane<'a> {
         ends
     }
 
-    /// Whether rays from the pane to beyond the end are blocked on their way.
-    fn holds(&self, edge: usize, out: Vec3, end: End) -> bool {
+    /// Whether rays from the pane to beyond the end are blocked on their way, of those that come past what is known to
+    /// stand up to a depth.
+    fn holds(&self, edge: usize, out: Vec3, end: End, known: f32) -> bool {
         let ((a, b), (away, _)) = (self.edge(edge), self.away(edge));
-        let is_blocked = |&i: &usize| {
+        let along = (b - a).normalize_or_zero();
+        // How deep out of the window a ray is blocked; `None` where it is not.
+        let blocked = |i: usize| {
             let h = hash(self.seed, (edge * TRIALS + i) as u64);
             let [u, v] = [fractions(h), fractions(hash(h, 1))];
             // A point of the pane, and one beyond the end, near or far.
@@ -224,11 +235,23 @@ impl<'a> Pane<'a> {
             let from = self.centre + root * (c.lerp(d, v.x) - self.centre) + self.surface.lift * out;
             let far = h as u8 as f32 / 256.0;
             let beyond = end.offset + AGREE * self.size + far / (1.0 - far) * (end.depth + self.size);
-            let to = a.lerp(b, v.y) + beyond * away + end.depth * out;
+            let mut to = a.lerp(b, v.y) + beyond * away + end.depth * out;
+            if i % 2 == 1 {
+                // Slantwise along the edge: what stands farther off may be no longer than that.
+                let straight = to + (from - to).project_onto_normalized(along);
+                let slope = (MOST_SLANT * (2.0 * v.y - 1.0)).tan();
+                to = straight + slope * straight.distance(from) * along;
+            }
             let ray = ffi::Ray { tfar: 1.0, ..ffi::Ray::new(from.into(), (to - from).into()) };
-            self.surface.tree.occluded(&ray)
+            self.surface.tree.intersect(&ray).map(|hit| hit.t * (to - from).dot(out))
         };
-        (0..TRIALS).filter(is_blocked).count() >= LEAST_HELD
+        let passing = (0..TRIALS).map(blocked).filter(|depth| depth.is_none_or(|depth| depth > known));
+        let (mut held, mut n) = (0, 0);
+        passing.for_each(|depth| {
+            held += usize::from(depth.is_some());
+            n += 1;
+        });
+        n >= LEAST_PASSING && held * TRIALS >= n * LEAST_HELD
     }
 }
 

@@ -301,13 +301,8 @@ fn a_bake_stops_in_whatever_stage_it_is_asked_to() {
     let options = Options { rays: 64, bounces: 2, ..bounced_options() };
     let bake = |stage: Option<String>| {
         let progress = StopAfter { stage, seen: Mutex::default() };
-        let result = bake_portals(
-            &interior.scene,
-            &interior.portals,
-            &options,
-            &PortalOptions::default(),
-            &progress,
-        );
+        let result =
+            bake_portals(&interior.scene, &interior.portals, &options, &PortalOptions::default(), &progress);
         (result.map(|_| ()), progress.seen.into_inner().expect("the stages"))
     };
     let (result, stages) = bake(None);

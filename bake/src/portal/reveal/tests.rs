@@ -81,8 +81,8 @@ fn each_edge_has_its_own_wall() {
     // Below a sill that is 0.4 m deep outside; on the right a wall set back by 0.1 m, from 0.2 m outside to 0.3 m inside; on
     // the left a sheet in the pane's plane; above nothing.
     let scene = boxes(&[
-        (vec3(-1.0, -1.0, -0.4), vec3(2.0, 0.0, 0.0)),
-        (vec3(1.1, -1.0, -0.2), vec3(2.0, 2.0, 0.3)),
+        (vec3(-20.0, -20.0, -0.4), vec3(20.0, 0.0, 0.0)),
+        (vec3(1.1, -20.0, -0.2), vec3(20.0, 20.0, 0.3)),
         (vec3(-1.0, 0.0, -1e-4), vec3(0.0, 2.0, 1e-4)),
     ]);
     let [bottom, right, top, left] = found(&scene, &pane()).concat()[..] else { panic!("four edges") };
@@ -97,14 +97,33 @@ fn wall_in_steps_has_those_that_hide() {
     // On the right a frame of 0.05 m, a step back of 0.1 m that hides nothing past the other two, and a wall set back by 0.15 m
     // that ends 0.6 m inside.
     let scene = boxes(&[
-        (vec3(1.0, -1.0, -0.05), vec3(2.0, 2.0, 0.05)),
-        (vec3(1.1, -1.0, 0.0), vec3(2.0, 2.0, 0.1)),
-        (vec3(1.15, -1.0, 0.0), vec3(2.0, 2.0, 0.6)),
+        (vec3(1.0, -20.0, -0.05), vec3(20.0, 20.0, 0.05)),
+        (vec3(1.1, -20.0, 0.0), vec3(20.0, 20.0, 0.1)),
+        (vec3(1.15, -20.0, 0.0), vec3(20.0, 20.0, 0.6)),
     ]);
     let [right, ..] = &steps(&scene, &pane())[0][1..] else { panic!("four edges") };
     // From 0.014 m on from the edge, the wall hides more than the frame does.
     assert_near(right[0], [0.05, 0.0, 0.6, 0.15]);
     assert_near(right[1], [0.0, 0.0, 0.05, 0.0]);
+}
+
+#[test]
+fn what_stands_farther_off_counts_as_far_as_it_is_long() {
+    // A window in a wall 0.7 m thick, and below it a roof, past whose ends one looks slantwise unless it is long.
+    for (half, outer) in [(60.0, [2.0, 0.4]), (2.0, [0.35, 0.0])] {
+        let scene = boxes(&[
+            (vec3(-20.0, -20.0, -0.35), vec3(20.0, 0.0, 0.35)),
+            (vec3(-20.0, 1.0, -0.35), vec3(20.0, 20.0, 0.35)),
+            (vec3(-20.0, 0.0, -0.35), vec3(0.0, 1.0, 0.35)),
+            (vec3(1.0, 0.0, -0.35), vec3(20.0, 1.0, 0.35)),
+            (vec3(-half, -20.0, -2.0), vec3(half, -0.4, -0.35)),
+        ]);
+        let edges = &steps(&scene, &pane())[0];
+        for (i, edge) in edges.iter().enumerate() {
+            let expected = if i == 0 { outer } else { [0.35, 0.0] };
+            assert_near(edge[0], [expected[0], expected[1], 0.35, 0.0]);
+        }
+    }
 }
 
 #[test]
