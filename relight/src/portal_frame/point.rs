@@ -232,7 +232,13 @@ impl Known {
             light += weight * t;
             whole += weight * f;
         }
-        let share = if whole > LEAST * open { (light / whole).min(1.0) } else { 0.0 };
+        if whole <= LEAST * open {
+            // Seen from the corners, nothing of the window is there: what they have themselves must do.
+            let corners = self.arrivals.iter().zip(point.weights);
+            (light, whole) =
+                corners.fold((0.0, 0.0), |(t, f), ((seen, open), w)| (t + w * seen, f + w * open));
+        }
+        let share = if whole > 0.0 { (light / whole).min(1.0) } else { 0.0 };
         Some(share * open)
     }
 }
