@@ -4,7 +4,8 @@
 //! window: where what they meet comes to an end, the wall does. An edge has a [`Reveal`] where that is the same line all along
 //! it, and where rays that would cross what the line hides, drawn at random from all over the pane, are blocked
 //! before they reach it; else it has none, and rows say by themselves what is in the way, less sharply. A wall may end in steps,
-//! behind each of which more of it shows; those are kept that hide most as seen from some part of the pane.
+//! behind each of which more of it shows; those are kept that hide most as seen from some part of the pane. A line goes on
+//! without end: a roof below the window is a step of its wall only where it is as long as one sees past the nearer ones.
 //!
 //! Where it breaks: more than [`STEPS`] steps; walls that bend.
 
