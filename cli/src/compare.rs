@@ -37,6 +37,7 @@ pub enum Candidate {
 /// `lunette compare`
 pub fn run(arguments: &args::Compare) -> Result<()> {
     let is_new = !arguments.output.exists();
+    output::make_folder(&arguments.output)?;
     let result = compare(arguments);
     if result.is_err() && is_new {
         // Only where it is still empty.
@@ -84,7 +85,6 @@ fn compare(arguments: &args::Compare) -> Result<()> {
     ensure!(lights.len() == 1, "compare takes one light, not a day; give --light sky:azimuth,elevation");
     let (_, light) = lights.remove(0);
     let folder = &arguments.output;
-    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
 
     let albedo = scene.vertex_albedo();
     let surface = render::surface(&scene, &albedo);

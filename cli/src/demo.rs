@@ -7,7 +7,7 @@ mod trials;
 use std::path::Path;
 use std::time::Instant;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Result, anyhow};
 use lunette_bake::{Basis, Options, PortalOptions};
 use lunette_relight::asset::Asset;
 use lunette_relight::light::Light;
@@ -38,7 +38,7 @@ fn options(threads: usize) -> Options {
 pub fn run(arguments: &args::Demo) -> Result<()> {
     let started = Instant::now();
     let folder = &arguments.folder;
-    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    output::make_folder(folder)?;
     let options = options(arguments.threads);
     options.check().map_err(|e| anyhow!("{e}"))?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build()?;

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, anyhow, bail, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use lunette_relight::asset::{Asset, Data, Metadata};
 use lunette_render::{Exposure, Image};
 
@@ -44,6 +44,12 @@ pub fn check_folder(path: &Path) -> Result<()> {
     ensure!(folder.is_dir(), "{}: there is no folder {}; make it first", path.display(), folder.display());
     ensure!(!path.is_dir(), "{}: is a folder; name a file", path.display());
     Ok(())
+}
+
+/// Makes a folder for several files, and those that it lies in, where there is none.
+pub fn make_folder(path: &Path) -> Result<()> {
+    ensure!(!path.is_file(), "{}: is a file; name a folder", path.display());
+    std::fs::create_dir_all(path).with_context(|| path.display().to_string())
 }
 
 /// The path of one frame: `%d`, `%02d`, ... is its number, from 0.

@@ -38,6 +38,17 @@ fn output_that_is_a_folder_is_named() {
 }
 
 #[test]
+fn folder_that_is_a_file_is_named() {
+    let folder = Folder::new();
+    folder.write("triangle.obj", TRIANGLE);
+    folder.write("there", "");
+    let compare = ["compare", "triangle.obj", "--light", "uniform", "--samples", "2", "-o", "there"];
+    for command in [&compare[..], &["demo", "there"]] {
+        folder.fails_naming(command, &["there", "is a file", "folder"]);
+    }
+}
+
+#[test]
 fn output_of_an_unknown_kind_is_named() {
     let folder = baked();
     for command in [&WRITERS[1], &WRITERS[3]] {
