@@ -126,9 +126,7 @@ impl<'a> Pane<'a> {
         for end in STARTS.into_iter().flat_map(|start| self.agreed(&self.ends_from(edge, start, out))) {
             // What is no deeper than that is the pane's own rim.
             let is_new = end.depth > within && found.iter().all(|known| known.distance(&end) > within);
-            let known =
-                found.iter().map(|known| known.depth).filter(|depth| *depth < end.depth).fold(0.0, f32::max);
-            if is_new && self.holds(edge, out, end, known) {
+            if is_new && self.holds(edge, out, end, &found) {
                 found.push(end);
             }
         }
@@ -220,11 +218,13 @@ impl<'a> Pane<'a> {
         ends
     }
 
-    /// Whether rays from the pane to beyond the end are blocked on their way, of those that come past what is known to
-    /// stand up to a depth.
-    fn holds(&self, edge: usize, out: Vec3, end: End, known: f32) -> bool {
+    /// Whether rays from the pane to beyond the end are blocked on their way, of those that come past the nearer ends that are
+    /// known.
+    fn holds(&self, edge: usize, out: Vec3, end: End, known: &[End]) -> bool {
         let ((a, b), (away, _)) = (self.edge(edge), self.away(edge));
         let along = (b - a).normalize_or_zero();
+        let nearer =
+            known.iter().map(|known| known.depth).filter(|depth| *depth < end.depth).fold(0.0, f32::max);
         // How deep out of the window a ray is blocked; `None` where it is not.
         let blocked = |i: usize| {
             let h = hash(self.seed, (edge * TRIALS + i) as u64);
@@ -238,7 +238,7 @@ impl<'a> Pane<'a> {
             let beyond = end.offset + AGREE * self.size + far / (1.0 - far) * (end.depth + self.size);
             let mut to = a.lerp(b, v.y) + beyond * away + end.depth * out;
             if i % 2 == 1 {
-                // Slantwise along the edge: what stands farther off may be no longer than that.
+                // Slantwise: what stands farther off may be no longer than the edge.
                 let straight = to + (from - to).project_onto_normalized(along);
                 let slope = (MOST_SLANT * (2.0 * v.y - 1.0)).tan();
                 to = straight + slope * straight.distance(from) * along;
@@ -246,13 +246,10 @@ impl<'a> Pane<'a> {
             let ray = ffi::Ray { tfar: 1.0, ..ffi::Ray::new(from.into(), (to - from).into()) };
             self.surface.tree.intersect(&ray).map(|hit| hit.t * (to - from).dot(out))
         };
-        let passing = (0..TRIALS).map(blocked).filter(|depth| depth.is_none_or(|depth| depth > known));
-        let (mut held, mut n) = (0, 0);
-        passing.for_each(|depth| {
-            held += usize::from(depth.is_some());
-            n += 1;
-        });
-        n >= LEAST_PASSING && held * TRIALS >= n * LEAST_HELD
+        let passes = |depth: &Option<f32>| depth.is_none_or(|depth| depth > nearer);
+        let passing: Vec<Option<f32>> = (0..TRIALS).map(blocked).filter(passes).collect();
+        let held = passing.iter().flatten().count();
+        passing.len() >= LEAST_PASSING && held * TRIALS >= passing.len() * LEAST_HELD
     }
 }
 
