@@ -110,7 +110,7 @@ pub fn carrier(
     let most = options.patches.min(n_vertices.div_ceil(4)).max(1);
     let importance = importance(surface, options, lie, progress)?;
     let sizes = sizes(&area, &importance);
-    let groups = groups(&sizes, &importance, lie.unlit);
+    let groups = groups(&sizes, &importance, lie);
     let cut = |most| Tree::new(scene, &sizes, lie.uniform, &groups, most);
     let tree = cut(most);
     let leaf = tree.leaf_of_vertices();
@@ -210,7 +210,7 @@ fn importance(
 ) -> Result<Vec<f32>, Error> {
     let (passes, n_rays) = IMPORTANCE;
     let n = lie.uniform.len();
-    let total = ((passes as usize + 1) * n * n_rays) as u64;
+    let total = ((passes as usize + 2) * n * n_rays) as u64;
     // What vertices get of what all send.
     let gather = |b: u64, last: &[f32], before_last: &[f32], unlit: &[bool]| -> Result<Vec<f32>, Error> {
         let seed = hash(options.seed, 0xe0 + b);
@@ -234,7 +234,10 @@ fn importance(
     }
     let inner = three(&|v| if lie.outer[v] || lie.unlit[v] { 0.0 } else { 1.0 });
     let not_outer: Vec<bool> = lie.outer.iter().map(|outer| !outer).collect();
-    let inwards = gather(passes, &inner, &[], &not_outer)?;
+    let mut inwards = gather(passes, &inner, &[], &not_outer)?;
+    // And over one more.
+    inwards.iter_mut().zip(&inner).for_each(|(share, inner)| *share += inner);
+    let inwards = gather(passes + 1, &inwards, &[], &not_outer)?;
     let of = |v: usize| {
         let mean = |rows: &[f32]| rows[3 * v..][..3].iter().sum::<f32>() / 3.0;
         mean(&last) * if lie.outer[v] { mean(&inwards) } else { 1.0 }
@@ -267,12 +270,15 @@ fn sizes(area: &[f32], importance: &[f32]) -> Vec<f32> {
 /// What is expected to send less than this against the mean, weighted by what it sends, makes patches of its own.
 const DARK: f32 = 0.005;
 
-/// The vertices of which patches are made, those that hardly send anything apart. The space over a ceiling, of which a
+/// The vertices of which patches are made: those inside, those outside, far brighter by day, and those that hardly send
+/// anything, each apart. The space over a ceiling, of which a
 /// patch of the wall reached down into the room, would else see that patch as bright as the room does.
-fn groups(sizes: &[f32], importance: &[f32], unlit: &[bool]) -> [Vec<usize>; 2] {
+fn groups(sizes: &[f32], importance: &[f32], lie: &Lie) -> [Vec<usize>; 3] {
     let least = DARK * mean_important(sizes, importance);
-    let (bright, dark) = (0..sizes.len()).filter(|&v| !unlit[v]).partition(|&v| importance[v] >= least);
-    [bright, dark]
+    let (bright, dark): (Vec<usize>, Vec<usize>) =
+        (0..sizes.len()).filter(|&v| !lie.unlit[v]).partition(|&v| importance[v] >= least);
+    let (outer, inner) = bright.into_iter().partition(|&v| lie.outer[v]);
+    [inner, outer, dark]
 }
 
 /// Mean of what is expected to be sent, by size and by itself.

@@ -15,7 +15,7 @@ use crate::buried::{self, buried};
 use crate::carrier::{Lie, carrier};
 use crate::fill::{self, Donors};
 use crate::gather::{AO, Arriving, BENT, Many, OPEN, Pass, SH, bounced, direct, direct_width};
-use crate::rows::{self, Aim, Opening, Row, Stage};
+use crate::rows::{self, Aim, Lies, Opening, Row, Stage};
 use crate::sampling::{HemisphereSets, hash};
 use crate::smooth::{self, Smoother};
 use crate::{Basis, Error, Options, Progress, Surface};
@@ -84,7 +84,10 @@ impl<'a> Work<'a> {
         let n_vertices = self.surface.mesh.position.len();
         let source = donors.sources(n_vertices);
         let stage = Stage { name: "sky in texels", rays: self.options.rays, progress: self.progress };
-        let compute = |v: usize, [row, _]: &mut [Row; 2]| aim.row(v, source[v], row);
+        let compute = |v: usize, [row, _]: &mut [Row; 2]| {
+            aim.row(v, source[v], row);
+            Lies::Inside
+        };
         let (store, worst) = rows::encode(aim.n, n_vertices, &stage, compute)?;
         let per_vertex = store.bytes() / n_vertices;
         let haar = 100 * store.n_haar() / n_vertices;

@@ -17,6 +17,9 @@
 //! Measured: rays as before, a living room under a high sun has a third less noise on its ceiling. Without k there is half as much
 //! noise, but light is off by more than that.
 //!
+//! Groups of patches get what the rays say: those outside are so much brighter, and mostly so well hidden behind the walls, that
+//! not a thousandth of a row may go there by mistake.
+//!
 //! Where it breaks: what hides a patch, but none of its neighbours, from less than some rays hides all of them a little.
 //!
 //! Based on: W. James, C. Stein, Estimation with Quadratic Loss, 1961 (shrinkage by z²).
@@ -81,7 +84,11 @@ impl<'a> Expected<'a> {
             if l == 0 || whole <= 0.0 {
                 continue;
             }
-            let part = part(nodes[l], nodes[r], rays);
+            let part = if self.tree.joints.contains(&node) {
+                nodes[l][0] / (nodes[l][0] + nodes[r][0])
+            } else {
+                part(nodes[l], nodes[r], rays)
+            };
             (nodes[l][2], nodes[r][2]) = (whole * part, whole * (1.0 - part));
         }
         self.leaves.iter().zip(shares).for_each(|(&node, share)| *share = nodes[node][2]);

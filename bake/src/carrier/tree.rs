@@ -24,6 +24,8 @@ pub struct Tree {
     pub children: Vec<[u16; 2]>,
     /// Node of each vertex's patch, or [`NO_PATCH`].
     pub patch: Vec<u16>,
+    /// Nodes of which a group is a child.
+    pub joints: Vec<usize>,
 }
 
 impl Tree {
@@ -54,7 +56,7 @@ impl Tree {
             let widest = extents(list).into_iter().fold(0.0, f32::max);
             f64::from(widest) * list.iter().map(|&v| f64::from(size[v])).sum::<f64>()
         };
-        let mut tree = Tree { children: vec![[0, 0]], patch: vec![NO_PATCH; size.len()] };
+        let mut tree = Tree { children: vec![[0, 0]], patch: vec![NO_PATCH; size.len()], joints: Vec::new() };
         // The number breaks ties, so that the order is the same everywhere.
         let mut heap = std::collections::BTreeMap::new();
         let groups: Vec<&Vec<usize>> = groups.iter().filter(|list| !list.is_empty()).collect();
@@ -64,6 +66,7 @@ impl Tree {
             let mut own = rest;
             if i + 1 < groups.len() {
                 own = tree.children.len();
+                tree.joints.push(rest);
                 tree.children[rest] = [own as u16, own as u16 + 1];
                 tree.children.extend([[0, 0]; 2]);
                 rest = own + 1;
@@ -108,7 +111,8 @@ impl Tree {
         let renumber = |node: u16| number.get(usize::from(node)).copied().unwrap_or(NO_PATCH);
         // 0 is nobody's child, and keeps its number.
         let children = children.into_iter().map(|pair| pair.map(renumber)).collect();
-        Tree { children, patch: self.patch.into_iter().map(renumber).collect() }
+        let joints = self.joints.into_iter().map(|joint| usize::from(number[joint])).collect();
+        Tree { children, patch: self.patch.into_iter().map(renumber).collect(), joints }
     }
 
     /// Nodes without children, rising.

@@ -30,11 +30,12 @@ use crate::buried::{self, buried};
 use crate::carrier::{Lie, carrier};
 use crate::fill::{self, Donors};
 use crate::glossy;
-use crate::rows::{self, Aim, Opening, Row, Stage};
+use crate::rows::{self, Aim, Lies, Opening, Row, Stage};
 use crate::sampling::hash;
 use crate::smooth::{self, Smoother};
 use crate::{Basis, Error, Options, Progress, Surface, mesh_asset, openings};
 pub use gate::Gates;
+use outside::{Outside, outside};
 use reveal::{STEPS, reveals};
 
 /// Where bounced SH light starts from.
@@ -128,8 +129,8 @@ fn bake(
         surface.keep_inside(portals);
         let gates = Gates::new(portals)?;
         let sets = buried::sets(options.seed);
-        let owners = outside::owners(&surface, &gates, portals, options.seed);
-        let unlit = outside::unlit(&surface, &gates, &owners, &sets);
+        let rho = grey_reflectance(scene);
+        let Outside { owners, unlit } = outside(&surface, &gates, portals, (&sets, &rho), options.seed);
         let reach = smooth::reach(&surface, Some(&gates), &sets, &unlit);
         let smoother = Smoother::new(&scene.mesh, &reach);
         let lit: Vec<usize> = (0..scene.mesh.position.len()).filter(|&v| !unlit[v]).collect();
@@ -244,21 +245,23 @@ impl Work<'_> {
         let is_seen = AtomicBool::new(false);
         let compute = |v: usize, [row, open]: &mut [Row; 2]| {
             if self.unlit[v] {
-                return;
+                return Lies::Outside;
             }
             through.row(v, source[v], row);
             is_seen.fetch_or(row.is_lit(), Ordering::Relaxed);
-            if self.owners[source[v]] == k as u32 {
-                outside.row(v, source[v], open);
-                row.add(open);
+            if self.owners[source[v]] != k as u32 {
+                return Lies::Inside;
             }
+            outside.row(v, source[v], open);
+            row.add(open);
+            Lies::Outside
         };
         let (store, worst) = rows::encode(n, n_vertices, &stage, compute)?;
         if !is_seen.into_inner() {
             return Err(Error::UnseenPortal(self.portals[k].name.clone()));
         }
         report.lines.push(format!(
-            "portal {}: {:.2} m², {} bytes of direct light per vertex ({} % of rows in Haar wavelets), at most {:.1} % of a row lost",
+            "portal {}: {:.2} m², {} bytes of direct light per vertex ({} % of rows in Haar wavelets), at most {:.1} % of a row inside lost",
             self.portals[k].name,
             self.portals[k].area(),
             store.bytes() / n_vertices,
@@ -347,6 +350,11 @@ impl Work<'_> {
         carrier(self.scene, self.surface, self.options, &lie, self.progress)?.insert_into(asset);
         Ok(())
     }
+}
+
+/// Of each vertex.
+fn grey_reflectance(scene: &Scene) -> Vec<f32> {
+    glossy::vertex_reflectance(scene).into_iter().map(|rho| rho.element_sum() / 3.0).collect()
 }
 
 /// Vertices of one task.

@@ -5,8 +5,19 @@
 //! its row is that of the open sky in that portal's shell: tinted or closed glass then tints or stops its light too.
 //! Seen from outside, such surfaces look as if they lay behind the glass.
 //!
+//! What lies outside and is seen from no portal may light what is: a wall stands over the roof before its window. Of a vertex
+//! there few rays say how much of what it gets it sends in over others,
+//!
+//! f(v) = ρ(v) Σ_u F\[v,u\] f(u),
+//!
+//! F\[v,u\] being the share of its hemisphere that u fills, and f of what sees panes its reflectance ρ times the form factor
+//! above. Those with the largest f have light, so many that the others would add less than [`LEFT_OUT`] to what comes in
+//! straight.
+//!
 //! Where it breaks: exterior objects that are captured into the shell are not seen to shade these surfaces other than
 //! from the portal's centre.
+
+use std::f32::consts::PI;
 
 use glam::Vec3;
 use lunette_ffi as ffi;
@@ -15,7 +26,7 @@ use rayon::prelude::*;
 
 use super::Gates;
 use crate::Surface;
-use crate::gather::packet;
+use crate::gather::{lane_of, packet};
 use crate::sampling::{HemisphereSets, LANES, fractions, hash};
 
 /// Points of a pane that a vertex looks at.
@@ -27,38 +38,127 @@ const MOST_PANES: usize = 8;
 /// A pane that fills less of a vertex's cosine-weighted view, sr, takes nothing worth its rays from it.
 const LEAST_SEEN: f32 = 1e-4;
 
-/// The portal to which each vertex belongs that lies outside and is seen from one; [`NONE`] for the others.
-pub fn owners(surface: &Surface, gates: &Gates, portals: &[Portal], seed: u64) -> Vec<u32> {
+/// Vertices that lie outside.
+pub struct Outside {
+    /// The portal to which each vertex belongs of those that send light in; [`NONE`] for the others.
+    pub owners: Vec<u32>,
+    /// Vertices outside that send nothing in that is worth computing.
+    pub unlit: Vec<bool>,
+}
+
+/// Share of the light that comes in straight under an even sky, which what is left out would add to at most.
+const LEFT_OUT: f32 = 0.0005;
+
+/// Times that light is followed from one to the next of vertices that see no portal.
+const STEPS: usize = 2;
+
+/// Finds out what lies outside and sends light in; `sets` are of few directions, `rho` is the grey reflectance of each
+/// vertex.
+pub fn outside(
+    surface: &Surface,
+    gates: &Gates,
+    portals: &[Portal],
+    (sets, rho): (&HemisphereSets, &[f32]),
+    seed: u64,
+) -> Outside {
     let polygons =
         portals.iter().enumerate().flat_map(|(k, p)| p.convex_polygons().into_iter().map(move |p| (k, p)));
     let panes: Vec<Pane> = polygons
         .enumerate()
         .map(|(i, (k, polygon))| Pane::new(k, &polygon, hash(seed, 0x0d + i as u64)))
         .collect();
-    (0..surface.origin.len())
+    let mut sent: Vec<Sent> = (0..surface.origin.len())
         .into_par_iter()
-        .map_init(Vec::new, |open, v| owner(surface, gates, (&panes, portals.len()), v, open))
-        .collect()
+        .map_init(Vec::new, |open, v| owner(surface, gates, (&panes, portals.len()), v, open).times(rho[v]))
+        .collect();
+    let others = (0..sent.len()).into_par_iter().filter(|&v| sent[v].portal == NONE);
+    let mut others: Vec<usize> = others.filter(|&v| is_outer(surface, gates, sets, v)).collect();
+    let mut unlit = vec![false; sent.len()];
+    others.iter().for_each(|&v| unlit[v] = true);
+    for _ in 0..STEPS {
+        let next: Vec<Sent> =
+            others.par_iter().map(|&v| sent_on(surface, sets, &sent, v).times(rho[v])).collect();
+        others.iter().zip(next).for_each(|(&v, next)| sent[v] = next);
+    }
+    // What sends least, first.
+    others.sort_by(|&a, &b| sent[a].factor.total_cmp(&sent[b].factor).then(a.cmp(&b)));
+    let area = surface.mesh.vertex_area();
+    let mut left = LEFT_OUT * PI * portals.iter().map(Portal::area).sum::<f32>();
+    for v in others {
+        left -= area[v] * sent[v].factor;
+        if left > 0.0 || sent[v].portal == NONE {
+            sent[v] = Sent::default();
+        } else {
+            unlit[v] = false;
+        }
+    }
+    Outside { owners: sent.into_iter().map(|sent| sent.portal).collect(), unlit }
 }
 
 /// A vertex of whose hemisphere more than this sees the sky beside all portals is outside, and not only near a gap.
 const OUTER: f32 = 0.25;
 
-/// Whether each vertex lies outside and is seen from no portal: no light that enters comes from there, and none is
-/// worth computing there.
-pub fn unlit(surface: &Surface, gates: &Gates, owners: &[u32], sets: &HemisphereSets) -> Vec<bool> {
-    let is_outer = |v: usize| {
-        let (set, frame) = sets.at(v, surface.mesh.normal[v]);
-        let escaping = set.iter().map(|local| {
-            let (rays, _) = packet(surface.origin[v], &frame, local);
-            let mut shadow = rays;
-            surface.tree.occluded_packet(&ffi::Mask::all(), &mut shadow);
-            let passes = gates.any(&ffi::Mask::all(), &rays);
-            (0..LANES).filter(|&lane| !shadow.is_occluded(lane) && !passes[lane]).count()
-        });
-        escaping.sum::<usize>() as f32 > OUTER * sets.n_rays() as f32
-    };
-    (0..owners.len()).into_par_iter().map(|v| owners[v] == NONE && is_outer(v)).collect()
+fn is_outer(surface: &Surface, gates: &Gates, sets: &HemisphereSets, v: usize) -> bool {
+    let (set, frame) = sets.at(v, surface.mesh.normal[v]);
+    let escaping = set.iter().map(|local| {
+        let (rays, _) = packet(surface.origin[v], &frame, local);
+        let mut shadow = rays;
+        surface.tree.occluded_packet(&ffi::Mask::all(), &mut shadow);
+        let passes = gates.any(&ffi::Mask::all(), &rays);
+        (0..LANES).filter(|&lane| !shadow.is_occluded(lane) && !passes[lane]).count()
+    });
+    escaping.sum::<usize>() as f32 > OUTER * sets.n_rays() as f32
+}
+
+/// Through which portal a vertex sends most of what it sends in.
+#[derive(Clone, Copy)]
+struct Sent {
+    /// [`NONE`] for none.
+    portal: u32,
+    /// f, sr.
+    factor: f32,
+}
+
+impl Sent {
+    fn times(self, rho: f32) -> Sent {
+        Sent { factor: rho * self.factor, ..self }
+    }
+}
+
+impl Default for Sent {
+    fn default() -> Sent {
+        Sent { portal: NONE, factor: 0.0 }
+    }
+}
+
+/// What a vertex that reflects all sends in over those that its rays meet.
+fn sent_on(surface: &Surface, sets: &HemisphereSets, sent: &[Sent], v: usize) -> Sent {
+    let (set, frame) = sets.at(v, surface.mesh.normal[v]);
+    let mut all = 0.0;
+    let mut by_portal: Vec<Sent> = Vec::new();
+    for local in set {
+        let (mut rays, world) = packet(surface.origin[v], &frame, local);
+        let mut hits = ffi::Hits::<LANES>::default();
+        surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
+        for (lane, z) in local.z.into_iter().enumerate() {
+            all += z;
+            let Some(hit) = hits.get(&rays, lane) else { continue };
+            if lane_of(&world, lane).dot(Vec3::from(hit.normal)) >= 0.0 {
+                continue;
+            }
+            let corners = surface.mesh.index[hit.primitive as usize].map(|u| sent[u as usize]);
+            for (corner, weight) in corners.into_iter().zip([1.0 - hit.u - hit.v, hit.u, hit.v]) {
+                let factor = z * weight * corner.factor;
+                match by_portal.iter_mut().find(|sum| sum.portal == corner.portal) {
+                    Some(sum) => sum.factor += factor,
+                    None => by_portal.push(Sent { factor, ..corner }),
+                }
+            }
+        }
+    }
+    let best = by_portal.into_iter().filter(|sum| sum.portal != NONE && sum.factor > 0.0);
+    let best = best.max_by(|a, b| a.factor.total_cmp(&b.factor).then(b.portal.cmp(&a.portal)));
+    best.map_or(Sent::default(), |best| Sent { factor: best.factor / all, ..best })
 }
 
 /// No portal.
@@ -115,14 +215,14 @@ impl Pane {
     }
 }
 
-/// `open` is room to work in.
+/// What a vertex that reflects all sends in straight; `open` is room to work in.
 fn owner(
     surface: &Surface,
     gates: &Gates,
     (panes, n_portals): (&[Pane], usize),
     v: usize,
     open: &mut Vec<(f32, usize)>,
-) -> u32 {
+) -> Sent {
     let (origin, normal) = (surface.origin[v], surface.mesh.normal[v]);
     open.clear();
     open.extend(panes.iter().enumerate().map(|(i, p)| (p.size(origin), i)).filter(|(f, _)| *f > LEAST_SEEN));
@@ -148,5 +248,5 @@ fn owner(
     }
     let seen = seen.into_iter().enumerate().filter(|(_, f)| *f > LEAST_SEEN);
     let best = seen.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-    best.map_or(NONE, |(k, _)| k as u32)
+    best.map_or(Sent::default(), |(k, factor)| Sent { portal: k as u32, factor })
 }

@@ -27,7 +27,7 @@ use lunette_relight::portal_frame::Pane;
 use crate::Surface;
 use crate::portal::Gates;
 use crate::sampling::{LANES, fractions, hash};
-pub use store::{Stage, encode};
+pub use store::{Lies, Stage, encode};
 
 /// Rays of a vertex, in the mean, that look for what is in the way.
 const FIRST: usize = 256;

@@ -56,7 +56,8 @@ impl Row {
 #[derive(Clone, Debug)]
 pub struct Encoder {
     n: usize,
-    encoding: Encoding,
+    /// Of the rows to come.
+    pub encoding: Encoding,
     coefficients: Vec<f32>,
     scratch: Vec<f32>,
     order: Vec<u32>,

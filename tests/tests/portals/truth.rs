@@ -294,6 +294,31 @@ fn outer_halves_of_bars_send_light_in() {
     assert!(truth.at.len() > 50 && off.abs() < 0.13, "{off}");
 }
 
+/// The outer wall beside an upper window sees no pane, but it lights the roof before the window, which lights the window's
+/// reveals: found 0.009 of bounced light missing there, and 0.074 where that wall is dark.
+#[test]
+fn what_lights_the_ground_before_a_window_counts() {
+    let interior = built("chapel:bays=1,edge=0.2");
+    let basis = vec![Basis::Sh];
+    let options =
+        Options { basis, bounces: 3, indirect_order: 1, rays: 256, resolution: 8, ..Options::default() };
+    let asset = interior.bake(&options);
+    let mesh = interior.mesh();
+    let in_reveal = |v: &usize| {
+        let p = mesh.position[*v];
+        (3.25..3.5).contains(&p.x.abs()) && (7.0..8.7).contains(&p.y) && p.z.abs() < 1.0
+    };
+    let at: Vec<usize> = (0..mesh.position.len()).filter(in_reveal).collect();
+    let options = ReferenceOptions { samples: 1024, bounces: 3, seed: 3 };
+    let truth = truth(&interior.scene, &interior.portals, at, "uniform:1", options).without_buried();
+    let found = lit(&asset, &light("uniform:1"), Indirect::Sh);
+    let sum = |list: &mut dyn Iterator<Item = Vec3>| list.map(|e| f64::from(e.element_sum())).sum::<f64>();
+    let true_sum = sum(&mut truth.reference.indirect.iter().copied());
+    let off = sum(&mut truth.at.iter().map(|&v| found.indirect[v])) / true_sum - 1.0;
+    println!("{} vertices: {off:.3}", truth.at.len());
+    assert!(truth.at.len() > 50 && off.abs() < 0.03, "{off}");
+}
+
 /// What a sunlit rabbit sends to the floor within 25 cm of it: found 0.057 off; averages over neighbours, where those see
 /// more or less of it, spread it and are 0.136 off.
 #[test]
