@@ -23,7 +23,7 @@ use lunette_render::{ReferenceOptions, Surface, Tracer, difference, noise, refer
 use lunette_scenes::{builtin, take_portals};
 
 const SCENE: &str = "box-room:edge=0.1";
-const BOUNCES: usize = 5;
+const BOUNCES: usize = 12;
 const ORDERS: usize = 10;
 /// So many triangles are judged.
 const JUDGED: usize = 100;

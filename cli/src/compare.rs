@@ -34,6 +34,9 @@ pub enum Candidate {
     PortalDirectToIndirect,
 }
 
+/// After as many bounces a hundredth or less is left of the light of most rooms.
+pub const ALL_BOUNCES: usize = 12;
+
 /// `lunette compare`
 pub fn run(arguments: &args::Compare) -> Result<()> {
     let is_new = !arguments.output.exists();
@@ -80,6 +83,16 @@ fn compare(arguments: &args::Compare) -> Result<()> {
         anyhow::bail!(
             "--methods: {name} says how light bounces, of which --bounces 0 leaves none; give portal"
         );
+    }
+    let follows_all = |c: &Candidate| matches!(c, Candidate::Portal | Candidate::PortalDirectToIndirect);
+    if (1..ALL_BOUNCES).contains(&effort.bounces)
+        && let Some((name, _)) = candidates.iter().find(|(_, c)| follows_all(c))
+    {
+        say(&format!(
+            "{name}: light carried from direct light bounces without end, the reference's {} times, and the rest counts as \
+             error; give --bounces {ALL_BOUNCES} or more",
+            effort.bounces
+        ));
     }
     let mut lights = light::frames(&arguments.light, scene.mesh.bounds())?;
     ensure!(lights.len() == 1, "compare takes one light, not a day; give --light sky:azimuth,elevation");

@@ -56,7 +56,7 @@ pub fn hold(desk: &Desk) -> Result<Vec<Tried>> {
 
 /// Each method's own bake, under all lights.
 fn inside(desk: &Desk, sessions: &mut [Session]) -> Result<()> {
-    let effort = Options { indirect_order: INDIRECT_ORDER, ..desk.options.clone() };
+    let effort = Options { indirect_order: INDIRECT_ORDER, bounces: bounces(desk), ..desk.options.clone() };
     let portal_options = PortalOptions::default();
     let work =
         Work { scene: desk.scene, portals: desk.portals, effort: &effort, portal_options: &portal_options };
@@ -73,13 +73,21 @@ fn inside(desk: &Desk, sessions: &mut [Session]) -> Result<()> {
     Ok(())
 }
 
+/// Inside as many as there are, since light that is carried from direct light follows them all.
+fn bounces(desk: &Desk) -> usize {
+    match desk.chapter.kind {
+        Kind::OpenSky => desk.options.bounces,
+        Kind::Interior => compare::ALL_BOUNCES,
+    }
+}
+
 /// Traces a trial's reference, and its picture where the trial has pictures.
 fn open(desk: &Desk, trial: &'static Trial) -> Result<Session> {
     say(&format!("{}: reference under {}", desk.chapter.scene, trial.light));
     let light = light::parse(trial.light, desk.scene.mesh.bounds())?;
     let albedo = desk.scene.vertex_albedo();
     let tracer: Tracer = render::tracer(render::surface(desk.scene, &albedo), desk.portals)?;
-    let samples = ReferenceOptions { samples: trial.samples, bounces: desk.options.bounces as u32, seed: 1 };
+    let samples = ReferenceOptions { samples: trial.samples, bounces: bounces(desk) as u32, seed: 1 };
     let judge = Judge::new(desk.scene, &tracer, &light, &samples, trial.stride, desk.portals)?;
     let tried = Tried { trial, rows: Vec::new(), judge: judge.describe(), pictures: Vec::new() };
     let mut session = Session { light, judge, exposure: Exposure::Auto, tried };
