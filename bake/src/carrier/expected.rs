@@ -144,6 +144,27 @@ mod tests {
         scene
     }
 
+    #[test]
+    fn what_rays_say_of_groups_stays() {
+        let scene = floor();
+        let area = vec![0.015_625; SIDE * SIDE];
+        let (l, r) = (0..area.len()).partition(|&v| scene.mesh.position[v].x < 0.0);
+        let tree = Tree::new(&scene, &area, &area, &[l, r, Vec::new()], 256);
+        let members = tree.members();
+        let expected = Expected::new(&tree, &scene.mesh, &members, &area);
+        let is_left = |patch: usize| scene.mesh.position[members[patch][0]].x < 0.0;
+        // One ray met the left half, and none the right, which lies as open.
+        let first = (0..members.len()).find(|&patch| is_left(patch)).unwrap();
+        let mut shares = vec![0.0; members.len()];
+        shares[first] = 1.0;
+        expected.refine((Vec3::new(0.3, 2.5, -0.4), Vec3::NEG_Y), 1.0, &mut shares);
+        let right: f32 = (0..members.len()).filter(|&patch| !is_left(patch)).map(|patch| shares[patch]).sum();
+        let left: f32 = (0..members.len()).filter(|&patch| is_left(patch)).map(|patch| shares[patch]).sum();
+        assert_eq!(right, 0.0);
+        // f32 sums; within the half it is spread.
+        assert!((left - 1.0).abs() < 1e-5 && shares[first] < 0.5, "{left} {}", shares[first]);
+    }
+
     /// Error of the patches' shares as rays have them and as they are put right, in all, and what is put where `is_seen` says that
     /// there is nothing.
     fn errors(is_seen: impl Fn(Vec3) -> bool, seed: u64) -> [f32; 3] {
