@@ -31,14 +31,13 @@ use std::sync::atomic::AtomicU64;
 
 use glam::Vec3;
 use half::f16;
-use lunette_ffi as ffi;
 use lunette_relight::asset::{Asset, Data};
 use lunette_relight::block::{self, GROUP, LANES};
 use lunette_scenes::Scene;
 use rayon::prelude::*;
 
 use crate::fill;
-use crate::gather::{Arriving, Pass, bounced, lane_of, packet};
+use crate::gather::{Arriving, Pass, bounced, fronts};
 use crate::glossy::vertex_reflectance;
 use crate::sampling::{HemisphereSets, LANES as RAYS, hash};
 use crate::smooth::{REGIONS, Shares, Smoother};
@@ -348,31 +347,19 @@ fn row(
     v: usize,
     dense: &mut [f32],
 ) -> Vec<(u16, f16)> {
-    let (set, frame) = sets.at(v, surface.mesh.normal[v]);
     let mut touched: Vec<u16> = Vec::new();
-    let mut all = 0.0;
-    for local in set {
-        let (mut rays, world) = packet(surface.origin[v], &frame, local);
-        let mut hits = ffi::Hits::<RAYS>::default();
-        surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
-        for (lane, z) in local.z.into_iter().enumerate() {
-            all += z;
-            let Some(hit) = hits.get(&rays, lane) else { continue };
-            if lane_of(&world, lane).dot(Vec3::from(hit.normal)) >= 0.0 {
-                continue;
+    let all = fronts(surface, sets, v, |z, hit| {
+        let corners = surface.mesh.index[hit.primitive as usize];
+        let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+        let nearest = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
+        if let Some(p) = leaf[corners[nearest] as usize] {
+            let sum = &mut dense[usize::from(p)];
+            if *sum == 0.0 {
+                touched.push(p);
             }
-            let corners = surface.mesh.index[hit.primitive as usize];
-            let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-            let nearest = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
-            if let Some(p) = leaf[corners[nearest] as usize] {
-                let sum = &mut dense[usize::from(p)];
-                if *sum == 0.0 {
-                    touched.push(p);
-                }
-                *sum += z;
-            }
+            *sum += z;
         }
-    }
+    });
     touched.sort_unstable();
     let take = |p: u16| (p, f16::from_f32(std::mem::take(&mut dense[usize::from(p)]) * (SHARE / all)));
     touched.into_iter().map(take).collect()

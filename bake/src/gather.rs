@@ -207,6 +207,31 @@ pub fn packet(origin: Vec3, frame: &Frame, local: &Directions) -> (ffi::Packet<L
     (rays, world)
 }
 
+/// Calls `met` with the cosine and the hit of each ray of vertex `v` that meets a front; the sum of all rays' cosines.
+pub fn fronts(
+    surface: &Surface,
+    sets: &HemisphereSets,
+    v: usize,
+    mut met: impl FnMut(f32, &ffi::Hit),
+) -> f32 {
+    let (set, frame) = sets.at(v, surface.mesh.normal[v]);
+    let mut all = 0.0;
+    for local in set {
+        let (mut rays, world) = packet(surface.origin[v], &frame, local);
+        let mut hits = ffi::Hits::<LANES>::default();
+        surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
+        for (lane, z) in local.z.into_iter().enumerate() {
+            all += z;
+            if let Some(hit) = hits.get(&rays, lane)
+                && lane_of(&world, lane).dot(Vec3::from(hit.normal)) < 0.0
+            {
+                met(z, &hit);
+            }
+        }
+    }
+    all
+}
+
 /// The direction of one ray of a packet.
 pub fn lane_of(world: &[[f32; LANES]; 3], lane: usize) -> Vec3 {
     Vec3::new(world[0][lane], world[1][lane], world[2][lane])

@@ -26,7 +26,7 @@ use rayon::prelude::*;
 
 use super::Gates;
 use crate::Surface;
-use crate::gather::{lane_of, packet};
+use crate::gather::{fronts, packet};
 use crate::sampling::{HemisphereSets, LANES, fractions, hash};
 
 /// Points of a pane that a vertex looks at.
@@ -133,29 +133,17 @@ impl Default for Sent {
 
 /// What a vertex that reflects all sends in over those that its rays meet.
 fn sent_on(surface: &Surface, sets: &HemisphereSets, sent: &[Sent], v: usize) -> Sent {
-    let (set, frame) = sets.at(v, surface.mesh.normal[v]);
-    let mut all = 0.0;
     let mut by_portal: Vec<Sent> = Vec::new();
-    for local in set {
-        let (mut rays, world) = packet(surface.origin[v], &frame, local);
-        let mut hits = ffi::Hits::<LANES>::default();
-        surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
-        for (lane, z) in local.z.into_iter().enumerate() {
-            all += z;
-            let Some(hit) = hits.get(&rays, lane) else { continue };
-            if lane_of(&world, lane).dot(Vec3::from(hit.normal)) >= 0.0 {
-                continue;
-            }
-            let corners = surface.mesh.index[hit.primitive as usize].map(|u| sent[u as usize]);
-            for (corner, weight) in corners.into_iter().zip([1.0 - hit.u - hit.v, hit.u, hit.v]) {
-                let factor = z * weight * corner.factor;
-                match by_portal.iter_mut().find(|sum| sum.portal == corner.portal) {
-                    Some(sum) => sum.factor += factor,
-                    None => by_portal.push(Sent { factor, ..corner }),
-                }
+    let all = fronts(surface, sets, v, |z, hit| {
+        let corners = surface.mesh.index[hit.primitive as usize].map(|u| sent[u as usize]);
+        for (corner, weight) in corners.into_iter().zip([1.0 - hit.u - hit.v, hit.u, hit.v]) {
+            let factor = z * weight * corner.factor;
+            match by_portal.iter_mut().find(|sum| sum.portal == corner.portal) {
+                Some(sum) => sum.factor += factor,
+                None => by_portal.push(Sent { factor, ..corner }),
             }
         }
-    }
+    });
     let best = by_portal.into_iter().filter(|sum| sum.portal != NONE && sum.factor > 0.0);
     let best = best.max_by(|a, b| a.factor.total_cmp(&b.factor).then(b.portal.cmp(&a.portal)));
     best.map_or(Sent::default(), |best| Sent { factor: best.factor / all, ..best })
