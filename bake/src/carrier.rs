@@ -270,8 +270,8 @@ fn sizes(area: &[f32], importance: &[f32]) -> Vec<f32> {
 const DARK: f32 = 0.005;
 
 /// The vertices of which patches are made: those inside, those outside, far brighter by day, and those that hardly send
-/// anything, each apart. The space over a ceiling, of which a
-/// patch of the wall reached down into the room, would else see that patch as bright as the room does.
+/// anything, each apart. The space over a ceiling, of which a patch of the wall reached down into the room, would else see
+/// that patch as bright as the room does.
 fn groups(sizes: &[f32], importance: &[f32], lie: &Lie) -> [Vec<usize>; 3] {
     let least = DARK * mean_important(sizes, importance);
     let (bright, dark): (Vec<usize>, Vec<usize>) =
@@ -348,9 +348,7 @@ fn row(
     dense: &mut [f32],
 ) -> Vec<(u16, f16)> {
     let mut touched: Vec<u16> = Vec::new();
-    let all = fronts(surface, sets, v, |z, hit| {
-        let corners = surface.mesh.index[hit.primitive as usize];
-        let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+    let all = fronts(surface, sets, (v, v), |corners, weights, _, z| {
         let nearest = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
         if let Some(p) = leaf[corners[nearest] as usize] {
             let sum = &mut dense[usize::from(p)];

@@ -137,23 +137,16 @@ pub fn bounced(
 /// Adds what the rays of one vertex bring back; the share of its hemisphere, weighted by cosine, that is covered.
 fn bounce(pass: &Pass, arriving: &Arriving, sets: &HemisphereSets, v: usize, row: &mut [f32]) -> f32 {
     let n_rays = sets.n_rays();
-    let (set, frame) = sets.at(v, pass.surface.mesh.normal[v]);
     let origin = pass.surface.origin[v];
     let mut covered = 0.0;
-    for (k, local) in set.iter().enumerate() {
-        let (mut rays, world) = packet(origin, &frame, local);
-        let mut hits = ffi::Hits::<LANES>::default();
-        pass.surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
-        for (lane, z) in local.z.into_iter().enumerate() {
-            if let Some(hit) = hits.get(&rays, lane) {
-                let weight = 2.0 * z / n_rays as f32;
-                covered += weight;
-                let id = hash(pass.seed ^ 0xb0, (v * n_rays + k * LANES + lane) as u64);
-                let d = lane_of(&world, lane);
-                follow(pass, arriving, Path { origin, d, weight: Vec3::splat(weight), hit, id }, row);
-            }
+    trace(pass.surface, sets, (v, v), |i, z, d, hit| {
+        if let Some(hit) = hit {
+            let weight = 2.0 * z / n_rays as f32;
+            covered += weight;
+            let id = hash(pass.seed ^ 0xb0, (v * n_rays + i) as u64);
+            follow(pass, arriving, Path { origin, d, weight: Vec3::splat(weight), hit, id }, row);
         }
-    }
+    });
     covered
 }
 
@@ -207,28 +200,42 @@ pub fn packet(origin: Vec3, frame: &Frame, local: &Directions) -> (ffi::Packet<L
     (rays, world)
 }
 
-/// Calls `met` with the cosine and the hit of each ray of vertex `v` that meets a front; the sum of all rays' cosines.
-pub fn fronts(
+/// Sends out the rays of vertex `v` as if it lay where vertex `at` lies; calls `met` with the number, cosine and direction of
+/// each, and what it meets.
+pub fn trace(
     surface: &Surface,
     sets: &HemisphereSets,
-    v: usize,
-    mut met: impl FnMut(f32, &ffi::Hit),
-) -> f32 {
-    let (set, frame) = sets.at(v, surface.mesh.normal[v]);
-    let mut all = 0.0;
-    for local in set {
-        let (mut rays, world) = packet(surface.origin[v], &frame, local);
+    (v, at): (usize, usize),
+    mut met: impl FnMut(usize, f32, Vec3, Option<ffi::Hit>),
+) {
+    let (set, frame) = sets.at(v, surface.mesh.normal[at]);
+    for (k, local) in set.iter().enumerate() {
+        let (mut rays, world) = packet(surface.origin[at], &frame, local);
         let mut hits = ffi::Hits::<LANES>::default();
         surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
         for (lane, z) in local.z.into_iter().enumerate() {
-            all += z;
-            if let Some(hit) = hits.get(&rays, lane)
-                && lane_of(&world, lane).dot(Vec3::from(hit.normal)) < 0.0
-            {
-                met(z, &hit);
-            }
+            met(k * LANES + lane, z, lane_of(&world, lane), hits.get(&rays, lane));
         }
     }
+}
+
+/// As [`trace`], with the corners of what is met, their weights, direction and cosine of each ray that meets a front; gives the
+/// sum of all rays' cosines.
+pub fn fronts(
+    surface: &Surface,
+    sets: &HemisphereSets,
+    vertex: (usize, usize),
+    mut met: impl FnMut([u32; 3], [f32; 3], Vec3, f32),
+) -> f32 {
+    let mut all = 0.0;
+    trace(surface, sets, vertex, |_, z, d, hit| {
+        all += z;
+        if let Some(hit) = hit
+            && d.dot(Vec3::from(hit.normal)) < 0.0
+        {
+            met(surface.mesh.index[hit.primitive as usize], [1.0 - hit.u - hit.v, hit.u, hit.v], d, z);
+        }
+    });
     all
 }
 

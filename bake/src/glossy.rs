@@ -21,7 +21,6 @@ use std::borrow::Cow;
 use std::f32::consts::PI;
 
 use glam::Vec3;
-use lunette_ffi as ffi;
 use lunette_relight::asset::{Asset, Data, NO_PATCH};
 use lunette_relight::cubemap;
 use lunette_relight::glossy::{DIRECTION_SIDE, HIGHEST_EXPONENT, mean_reflectance};
@@ -29,8 +28,8 @@ use lunette_scenes::{Material, Scene};
 use rayon::prelude::*;
 
 use crate::carrier::Tree;
-use crate::gather::{lane_of, packet};
-use crate::sampling::{HemisphereSets, LANES, hash};
+use crate::gather::fronts;
+use crate::sampling::{HemisphereSets, hash};
 use crate::{Error, Progress, Surface};
 
 /// Patches by default.
@@ -193,7 +192,7 @@ impl Work<'_> {
                 .par_iter()
                 .map(|&v| {
                     let mut met = Vec::with_capacity(3 * PILOT_RAYS);
-                    self.for_each_hit(&sets, v, |corners, weights, _, z| {
+                    fronts(self.surface, &sets, (v, self.source[v]), |corners, weights, _, z| {
                         met.extend(corners.into_iter().zip(weights.map(|w| w * z)));
                     });
                     met
@@ -233,7 +232,7 @@ impl Work<'_> {
     /// Entries in the order of their patches.
     fn row(&self, sets: &HemisphereSets, patch: &[u16], v: usize) -> Vec<Entry> {
         let mut seen: Vec<Entry> = Vec::with_capacity(sets.n_rays());
-        let all = self.for_each_hit(sets, v, |corners, weights, d, z| {
+        let all = fronts(self.surface, sets, (v, self.source[v]), |corners, weights, d, z| {
             let patches = corners.map(|v| patch[v as usize]);
             for i in 0..3 {
                 // The corners of one patch together, as the first of them.
@@ -252,32 +251,6 @@ impl Work<'_> {
             merge(group, spread, &mut entries);
         }
         entries
-    }
-
-    /// Calls `met` with the corners and their weights, the direction and its cosine for each ray that meets the front of
-    /// a surface; gives the sum of all rays' cosines.
-    fn for_each_hit(
-        &self,
-        sets: &HemisphereSets,
-        v: usize,
-        mut met: impl FnMut([u32; 3], [f32; 3], Vec3, f32),
-    ) -> f32 {
-        let (mesh, at) = (self.surface.mesh, self.source[v]);
-        let (set, frame) = sets.at(v, mesh.normal[at]);
-        let mut all = 0.0;
-        for local in set {
-            let (mut rays, world) = packet(self.surface.origin[at], &frame, local);
-            let mut hits = ffi::Hits::<LANES>::default();
-            self.surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
-            for (lane, z) in local.z.into_iter().enumerate() {
-                all += z;
-                let (Some(hit), d) = (hits.get(&rays, lane), lane_of(&world, lane)) else { continue };
-                if d.dot(Vec3::from(hit.normal)) < 0.0 {
-                    met(mesh.index[hit.primitive as usize], [1.0 - hit.u - hit.v, hit.u, hit.v], d, z);
-                }
-            }
-        }
-        all
     }
 
     fn for_each_block(&self, stage: &str, mut work: impl FnMut(&[usize])) -> Result<(), Error> {

@@ -24,14 +24,13 @@
 //! Based on: G. Ward, F. Rubinstein, R. Clear, A Ray Tracing Solution for Diffuse Interreflection, 1988 (equation 3);
 //! D. P. Mitchell, Consequences of Stratified Sampling in Graphics, 1996 (the noise).
 
-use lunette_ffi as ffi;
 use lunette_scenes::Mesh;
 use rayon::prelude::*;
 
 use crate::Surface;
-use crate::gather::{lane_of, packet};
+use crate::gather::trace;
 use crate::portal::Gates;
-use crate::sampling::{HemisphereSets, LANES};
+use crate::sampling::HemisphereSets;
 
 /// Ward's a: the change that is let pass.
 const CHANGE: f32 = 0.4;
@@ -169,19 +168,12 @@ pub fn reach(surface: &Surface, gates: Option<&Gates>, sets: &HemisphereSets, sk
         if skip.get(v) == Some(&true) {
             return 0.0;
         }
-        let (set, frame) = sets.at(v, surface.mesh.normal[v]);
         let mut inverse = 0.0;
-        for local in set {
-            let (mut rays, world) = packet(surface.origin[v], &frame, local);
-            let mut hits = ffi::Hits::<LANES>::default();
-            surface.tree.intersect_packet(&ffi::Mask::all(), &mut rays, &mut hits);
-            for lane in 0..LANES {
-                let wall = hits.get(&rays, lane).map_or(f32::INFINITY, |hit| hit.t);
-                let d = lane_of(&world, lane);
-                let pane = gates.and_then(|gates| gates.way(surface.origin[v], d)).unwrap_or(f32::INFINITY);
-                inverse += 1.0 / wall.min(pane).max(surface.lift);
-            }
-        }
+        trace(surface, sets, (v, v), |_, _, d, hit| {
+            let wall = hit.map_or(f32::INFINITY, |hit| hit.t);
+            let pane = gates.and_then(|gates| gates.way(surface.origin[v], d)).unwrap_or(f32::INFINITY);
+            inverse += 1.0 / wall.min(pane).max(surface.lift);
+        });
         sets.n_rays() as f32 / inverse
     };
     (0..surface.origin.len()).into_par_iter().map(of).collect()

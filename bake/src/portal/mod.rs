@@ -130,7 +130,7 @@ fn bake(
         let gates = Gates::new(portals)?;
         let sets = buried::sets(options.seed);
         let rho = grey_reflectance(scene);
-        let Outside { owners, unlit } = outside(&surface, &gates, portals, (&sets, &rho), options.seed);
+        let Outside { owners, unlit } = outside(&surface, &gates, portals, &sets, &rho, options.seed);
         let reach = smooth::reach(&surface, Some(&gates), &sets, &unlit);
         let smoother = Smoother::new(&scene.mesh, &reach);
         let lit: Vec<usize> = (0..scene.mesh.position.len()).filter(|&v| !unlit[v]).collect();

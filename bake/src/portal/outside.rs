@@ -58,7 +58,8 @@ pub fn outside(
     surface: &Surface,
     gates: &Gates,
     portals: &[Portal],
-    (sets, rho): (&HemisphereSets, &[f32]),
+    sets: &HemisphereSets,
+    rho: &[f32],
     seed: u64,
 ) -> Outside {
     let polygons =
@@ -134,9 +135,8 @@ impl Default for Sent {
 /// What a vertex that reflects all sends in over those that its rays meet.
 fn sent_on(surface: &Surface, sets: &HemisphereSets, sent: &[Sent], v: usize) -> Sent {
     let mut by_portal: Vec<Sent> = Vec::new();
-    let all = fronts(surface, sets, v, |z, hit| {
-        let corners = surface.mesh.index[hit.primitive as usize].map(|u| sent[u as usize]);
-        for (corner, weight) in corners.into_iter().zip([1.0 - hit.u - hit.v, hit.u, hit.v]) {
+    let all = fronts(surface, sets, (v, v), |corners, weights, _, z| {
+        for (corner, weight) in corners.map(|u| sent[u as usize]).into_iter().zip(weights) {
             let factor = z * weight * corner.factor;
             match by_portal.iter_mut().find(|sum| sum.portal == corner.portal) {
                 Some(sum) => sum.factor += factor,

@@ -72,6 +72,12 @@ impl Truth {
         self
     }
 
+    /// Bias of bounced light, of that at all vertices.
+    fn bounced_off(&self, found: &[Vec3]) -> f64 {
+        let found: Vec<Vec3> = self.at.iter().map(|&v| found[v]).collect();
+        bias(&found, &self.reference.indirect)
+    }
+
     /// Asserts that the relative difference is within a bound and the reference's noise five times smaller than it.
     fn judge(&self, name: &str, found: &[Vec3], part: Part, bound: f64) {
         let truth = match part {
@@ -82,12 +88,17 @@ impl Truth {
         let found: Vec<Vec3> = self.at.iter().map(|&v| found[v]).collect();
         let relative = difference(&found, &truth, None).expect("numbers").relative;
         let noise = noise(error, &truth, None).expect("numbers");
-        let sum = |list: &[Vec3]| list.iter().map(|e| f64::from(e.element_sum())).sum::<f64>();
-        let bias = sum(&found) / sum(&truth) - 1.0;
+        let bias = bias(&found, &truth);
         println!("{name}, {part:?}: {relative:.5} (bias {bias:.5}), the reference's noise {noise:.5}");
         assert!(NOISE_MARGIN * noise <= bound, "{name}: a reference with a noise of {noise} judges nothing");
         assert!(relative < bound, "{name}, {part:?}: {relative}");
     }
+}
+
+/// How much more there is in all than there should be, as a share of it.
+fn bias(found: &[Vec3], truth: &[Vec3]) -> f64 {
+    let sum = |list: &[Vec3]| list.iter().map(|e| f64::from(e.element_sum())).sum::<f64>();
+    sum(found) / sum(truth) - 1.0
 }
 
 /// Bounds on the relative difference: of direct light, of all light with the bounced part in SH, and carried.
@@ -287,9 +298,7 @@ fn outer_halves_of_bars_send_light_in() {
     let options = ReferenceOptions { samples: 4096, bounces: 1, seed: 3 };
     let truth = truth(&interior.scene, &interior.portals, at, sun, options).without_buried();
     let found = lit(&asset, &light(sun), Indirect::DirectToIndirect);
-    let sum = |list: &mut dyn Iterator<Item = Vec3>| list.map(|e| f64::from(e.element_sum())).sum::<f64>();
-    let true_sum = sum(&mut truth.reference.indirect.iter().copied());
-    let off = sum(&mut truth.at.iter().map(|&v| found.indirect[v])) / true_sum - 1.0;
+    let off = truth.bounced_off(&found.indirect);
     println!("{} vertices: {off:.3}", truth.at.len());
     assert!(truth.at.len() > 50 && off.abs() < 0.13, "{off}");
 }
@@ -312,9 +321,7 @@ fn what_lights_the_ground_before_a_window_counts() {
     let options = ReferenceOptions { samples: 1024, bounces: 3, seed: 3 };
     let truth = truth(&interior.scene, &interior.portals, at, "uniform:1", options).without_buried();
     let found = lit(&asset, &light("uniform:1"), Indirect::Sh);
-    let sum = |list: &mut dyn Iterator<Item = Vec3>| list.map(|e| f64::from(e.element_sum())).sum::<f64>();
-    let true_sum = sum(&mut truth.reference.indirect.iter().copied());
-    let off = sum(&mut truth.at.iter().map(|&v| found.indirect[v])) / true_sum - 1.0;
+    let off = truth.bounced_off(&found.indirect);
     println!("{} vertices: {off:.3}", truth.at.len());
     assert!(truth.at.len() > 50 && off.abs() < 0.03, "{off}");
 }
